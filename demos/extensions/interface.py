@@ -28,7 +28,8 @@ class AtContactPoints(Interface):
         pull = effect.tension * boundary.weight[:, None] * boundary.normal
         forces.x.array.reshape(-1, space.dofmap.bs)[boundary.nodes] = pull
         owned = forces.x.array[: space.dofmap.index_map.size_local * space.dofmap.index_map_bs]
-        return [AppliedLoad((1.0,) * self.statement.steps, forms=(), forces=owned, prescribed=fem.Function(space))]
+        now = lambda step: self.statement.now(effect, step)[0]  # noqa: E731
+        return [AppliedLoad(now, forms=(), forces=owned, prescribed=fem.Function(space))]
 
 
 register("signorini_fx.effects", "suction", Suction)

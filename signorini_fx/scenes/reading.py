@@ -12,8 +12,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.statement.base import problems_of
 from signorini_fx.mechanics.statement.changes import Changes, changed
-from signorini_fx.mechanics.statement.validation import problems_of
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.scenes.scene import Scene
 

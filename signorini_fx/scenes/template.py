@@ -9,9 +9,9 @@ from typing import Any, get_origin
 
 from pydantic import BaseModel
 
+from signorini_fx.mechanics.statement.base import tables
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.settings import known_linear_algebra
-from signorini_fx.mechanics.statement.validation import tables
 from signorini_fx.quantities.quantity import schema_of_summary
 from signorini_fx.scenes.scene import Scene
 

@@ -22,9 +22,8 @@ from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.loads.sampled_points import SampledPoints
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.effect import Force, SampledPoints
 from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.tuned import SAME_LENGTH
 

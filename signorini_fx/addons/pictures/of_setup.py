@@ -20,9 +20,8 @@ from signorini_fx.machine.compat import geometry_cells
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.effects.contact import Contact as ContactEffect
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.loads.sampled_points import SampledPoints
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, load_file
-from signorini_fx.mechanics.statement.effect import Effect, Force
+from signorini_fx.mechanics.statement.effect import Effect, Force, SampledPoints
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.mechanics.statement.statement import Statement
 

@@ -8,7 +8,7 @@ on the section, where s is the amount.  So no node is added, and nothing but the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,11 +75,7 @@ def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace)
 
 
 def jump_loads(
-    jumps: Sequence[Jump],
-    statement: Statement,
-    space: fem.FunctionSpace,
-    elastic: ElasticLaw,
-    held: Callable[[Jump], bool],
+    jumps: Sequence[Jump], space: fem.FunctionSpace, elastic: ElasticLaw, held: Callable[[Jump], bool]
 ) -> list[AppliedLoad]:
     """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; ``held``: whether
     something on this rank holds nodes of a jump along its axis, see ``holds``; collective.
@@ -95,8 +91,8 @@ def jump_loads(
         forms = tuple(map(compile_form, terms))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         forces, pressure_load = elastic.work(forms, owned)
-        load = AppliedLoad((1.0,) * statement.steps, forms, -forces, fem.Function(space), entry=jump.entry)
-        loads.append(replace(load, balanced=True, amount=jump.amount, pressure_load=pressure_load))
+        of_jump = jump.amount, forms, -forces, fem.Function(space)
+        loads.append(AppliedLoad(*of_jump, balanced=True, entry=jump.entry, pressure_load=pressure_load))
     return loads
 
 

@@ -42,51 +42,31 @@ class AppliedLoad:
     Those that depend on the time are separate, and have the values of one time.
 
     Attributes:
-        factors: one number per load step.
+        factor: from a place in the lists of factors to what multiplies it there.
         forms: the compiled terms of L; none if there are prescribed displacements only.
         forces: L at the owned dofs, shape (owned dofs,).
         prescribed: zero, with its prescribed displacements put in.
-        grows: whether its factors multiply it in a ramp from nothing.
         again: from a place in the lists of factors to the same at the time of that place, collective; None: it does not
             depend on the time.
         driven: what drives rigid bodies; None: nothing.
         balanced: whether its forces balance each other in each cell, as those of initial strains do.
         entry: the entry of the scene that it is of alone; None: of several.
-        amount: what multiplies it in place of factors, at a place in the lists of these; None: factors do.
         pressure_load: the work of an initial strain at the owned unknowns of a pressure, volumes; None: forces say it.
     """
 
-    factors: tuple[float, ...]
+    factor: Callable[[float], float]
     forms: tuple[fem.Form, ...]
     forces: npt.NDArray[np.float64]
     prescribed: fem.Function
-    grows: bool = True
     again: Callable[[float], AppliedLoad] | None = None
     driven: Driven | None = None
     balanced: bool = False
     entry: Load | None = None
-    amount: Callable[[float], float] | None = None
     pressure_load: npt.NDArray[np.float64] | None = None
-
-    def factor(self, step: float) -> float:
-        """Its factor at a place in the lists of factors."""
-        if self.amount is not None:
-            return self.amount(step)
-        return factor_at(self.factors, step) if self.grows else 1.0
 
     def at(self, step: float) -> AppliedLoad:
         """The same at the time of a place; itself if it does not depend on it; collective."""
         return self if self.again is None else self.again(step)
-
-    @property
-    def drives(self) -> bool:
-        """Whether it drives rigid bodies."""
-        return self.driven is not None and bool(self.driven.forces.any() or self.driven.motion.any())
-
-    @property
-    def acting(self) -> npt.NDArray[np.float64]:
-        """Its forces, or ``pressure_load``."""
-        return self.forces if self.pressure_load is None else self.pressure_load
 
     @property
     def pushing(self) -> npt.NDArray[np.float64]:
@@ -307,8 +287,19 @@ def applied_load(
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     reassemble = partial(applied_load, group, loads, on, z, supports, forms) if timed else None
     return AppliedLoad(
-        factors, forms, forces, prescribed, grows, reassemble, balanced=balanced, pressure_load=pressure_load
+        _factor(factors, grows=grows),
+        forms,
+        forces,
+        prescribed,
+        reassemble,
+        balanced=balanced,
+        pressure_load=pressure_load,
     )
+
+
+def _factor(factors: tuple[float, ...], *, grows: bool) -> Callable[[float], float]:
+    """``AppliedLoad.factor``; what does not grow in a ramp from nothing is there at once."""
+    return partial(factor_at, factors) if grows else lambda step: 1.0
 
 
 def driving_load(
@@ -317,11 +308,10 @@ def driving_load(
     """What drives one of the rigid bodies, at the time of a place in the lists of factors; collective."""
     timed = rigid.bodies[number].motion.driven_in_time
     return AppliedLoad(
-        (1.0,) * statement.steps,
+        _factor((1.0,) * statement.steps, grows=not timed),
         (),
         np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs),
         fem.Function(space),
-        not timed,
         partial(driving_load, rigid, number, statement, space) if timed else None,
         rigid.driven(number, statement.time_at(step)),
     )
@@ -414,9 +404,10 @@ def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
     """
     problems = []
     where = f"an expression is not finite, or larger than {LARGEST_NUMBER:g}, somewhere on its boundary"
+    acting = [load.forces if load.pressure_load is None else load.pressure_load for load in loads]
     if parallel.any_rank(comm, not all((np.abs(load.start) <= LARGEST_NUMBER).all() for load in loads)):
         problems.append(("displacement", where))
-    elif parallel.any_rank(comm, not all((np.abs(load.acting) <= LARGEST_NUMBER**2).all() for load in loads)):
+    elif parallel.any_rank(comm, not all((np.abs(forces) <= LARGEST_NUMBER**2).all() for forces in acting)):
         problems.append(("traction, body_force", f"{where} or in the body"))  # stresses times lengths
     if problems:
         raise SceneError(problems)

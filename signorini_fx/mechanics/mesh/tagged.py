@@ -438,8 +438,8 @@ def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> Ints:
 
 def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
     """The generator of this name, which takes these parameters."""
+    from signorini_fx.mechanics.statement.base import plain_message
     from signorini_fx.mechanics.statement.generators import known_generators
-    from signorini_fx.mechanics.statement.validation import plain_message
     from signorini_fx.removed import removal
 
     generators = known_generators(name)

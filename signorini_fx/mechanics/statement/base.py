@@ -1,16 +1,20 @@
-"""The base class of all tables of a scene: their keys, and the errors of models that are built in Python."""
+"""The base class of all tables of a scene, and errors in a scene as messages of this package: the path of the key, what
+is wrong, and what is allowed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping
+import difflib
+import re
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from inspect import Parameter, Signature
-from typing import TYPE_CHECKING, Any, ClassVar, Self, cast, get_origin
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.statement.validation import problems_of
+from signorini_fx.mechanics.statement.values import shown
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
@@ -95,3 +99,176 @@ def refused(table: str, problems: Iterable[tuple[tuple[str | int, ...], str]]) -
         for location, why in problems
     ]
     return ValidationError.from_exception_data(table, details)
+
+
+# --- messages ---------------------------------------------------------------------------------------------------------
+
+_MESSAGES = {
+    "extra_forbidden": "unknown key",
+    "unexpected_keyword_argument": "unknown key",
+    "missing": "is missing",
+    "union_tag_not_found": "is missing",
+}
+
+
+def plain_message(detail: Any) -> str:
+    """The message of a pydantic error, reworded for users of this package."""
+    match detail:
+        case {"type": str(kind)} if kind in _MESSAGES:
+            return _MESSAGES[kind]
+        case {"type": "model_type" | "model_attributes_type", "loc": place}:
+            friction = "friction" in place
+            return "must be a table" + friction * ', such as { law = "coulomb", coefficient = 0.3 }'
+        case {"type": "tuple_type"}:
+            return "must be a list in brackets, such as [0.5, 1.0]"
+        case {"type": "too_short", "ctx": {"min_length": least, "actual_length": count}}:
+            return f"must have at least {_entries(least)}, got {count}"
+        case {"type": "too_long", "ctx": {"max_length": most, "actual_length": count}} if count is not None:
+            return f"must have at most {_entries(most)}, got {count}"
+        case {"type": "too_long", "ctx": {"max_length": most}}:
+            return f"must have at most {_entries(most)}"
+        case {"type": "dict_type" | "mapping_type"}:
+            return "must be a table"
+        case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
+            return f"must be one of {known}, got {tag!r}"
+    message = str(detail["msg"]).removeprefix("Value error, ")
+    message = re.sub(r"^Input should be( a valid)?", lambda prefix: "must be a" if prefix[1] else "must be", message)
+    return message.replace("must be a integer", "must be an integer")
+
+
+def _entries(count: int) -> str:
+    return "1 entry" if count == 1 else f"{count} entries"
+
+
+def problems_of(error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]) -> list[tuple[str, str]]:
+    """The errors that pydantic found, in the form that ``SceneError`` needs.
+
+    There is one entry for each path; if pydantic tried several types, it says what each of them expects.
+
+    Args:
+        error: what pydantic raised.
+        data: the data that it validated.
+        model: the model that the data should fit.
+    """
+    by_path: dict[str, list[str]] = {}
+    for detail in error.errors():
+        path, message = _problem(detail, data, model)
+        by_path.setdefault(path, []).append(message)
+    return [(path, "; or: ".join(dict.fromkeys(messages))) for path, messages in by_path.items()]
+
+
+def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tuple[str, str]:
+    """Path and sentence for one pydantic error: list positions as [i], without pydantic's own union labels."""
+    path = ""
+    node: Any = data
+    for part in detail["loc"]:
+        if isinstance(part, int):
+            path += f"[{part}]" if isinstance(node, Sequence) else ""
+            node = node[part] if isinstance(node, Sequence) and part < len(node) else node
+        elif (isinstance(node, Mapping) and part in node) or (
+            detail["type"] == "missing" and part == detail["loc"][-1]
+        ):
+            name = part or '""'
+            path += f".{name}" if path else name
+            node = node[part] if isinstance(node, Mapping) and part in node else node
+    message = plain_message(detail)
+    entry = detail.get("input")
+    if detail["type"].startswith("union_tag"):
+        path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
+    if removal := _removal(detail, path):
+        return path, removal
+    if detail["type"] == "extra_forbidden":
+        *table_path, key = detail["loc"]
+        message += _meant(str(key), model) or _known_keys(str(key), _tables_at(table_path, {model}))
+    if (
+        detail["type"] not in (*_MESSAGES, "too_short", "too_long")
+        and isinstance(entry, str | int | float)
+        and shown(entry) not in message
+    ):
+        message += f", got {shown(entry)}"
+    return path or "scene", message
+
+
+def _removal(detail: Any, path: str) -> str:
+    """What to do instead, if the key at this path or its value has left this package; "": it has not."""
+    from signorini_fx.removed import removal
+
+    match detail:
+        case {"type": "extra_forbidden"}:
+            return removal(path)
+        case {"type": "union_tag_invalid", "ctx": {"tag": value}} | {"type": "literal_error", "input": str(value)}:
+            advice = removal(f"{path} = {value}")
+            return f"{value!r} {advice}" if advice else ""
+    return ""
+
+
+_ELSEWHERE = {
+    "rho": "weight is written [gravity], with the density of each [[material]]",
+    "alpha": "the coefficient of thermal expansion is written expansion, and the heat [[temperature]]",
+    "thickness": "a plane body has thickness 1, and forces are per thickness",
+}
+
+
+def _meant(key: str, model: type[BaseModel]) -> str:
+    """Where an unknown key belongs, or what was perhaps meant."""
+    if key in _ELSEWHERE:
+        return f": {_ELSEWHERE[key]}"
+    if key in model.model_fields and model.__name__ == "Scene":
+        return f" here: {key!r} belongs to the top level of the scene, above the first [table]"
+    tables = {name: getattr(field.annotation, "model_fields", {}) for name, field in model.model_fields.items()}
+    home = next((name for name, fields in tables.items() if key in fields), None)
+    if home is not None:
+        return f" here: it belongs to [{home}]"
+    similar = difflib.get_close_matches(key, _keys(BaseModel), n=3, cutoff=0.75)
+    if not similar or key in similar:
+        return ""
+    alike = max(
+        similar, key=lambda candidate: (difflib.SequenceMatcher(a=candidate, b=key).ratio(), candidate[0] == key[0])
+    )
+    return f": did you mean {alike!r}?"
+
+
+def _tables_at(path: Sequence[int | str], tables: set[type[BaseModel]]) -> set[type[BaseModel]]:
+    """The tables that may stand at this place below others."""
+    for part in path:
+        inner = [table.model_fields[str(part)].annotation for table in tables if part in table.model_fields]
+        if inner:
+            tables = set().union(*map(_tables_in, inner))
+        else:  # the position in a list, or the word that tells the kinds of a table apart
+            named = {table for table in tables if part in (table.__name__, *_words(table))}
+            tables = named or tables
+    return tables
+
+
+def _tables_in(annotation: Any) -> set[type[BaseModel]]:
+    """The tables that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return {annotation}
+    return set().union(*map(_tables_in, get_args(annotation)))
+
+
+def tables(annotation: Any) -> set[type[BaseModel]]:
+    """The tables that an annotation allows, and those in them."""
+    direct_tables = _tables_in(annotation)
+    return direct_tables.union(
+        *(tables(field.annotation) for table in direct_tables for field in table.model_fields.values())
+    )
+
+
+def _words(table: type[BaseModel]) -> tuple[Any, ...]:
+    """The words that the keys kind and law of a table allow."""
+    fields = (table.model_fields[key].annotation for key in ("kind", "law") if key in table.model_fields)
+    return tuple(word for field in fields for word in get_args(field))
+
+
+def _known_keys(key: str, tables: set[type[BaseModel]]) -> str:
+    """The keys of those of these tables that do not have this key, in the same order on every rank; "": none."""
+    ordered = sorted((table for table in tables if key not in table.model_fields), key=lambda table: table.__name__)
+    known = ", ".join(dict.fromkeys(key for table in ordered for key in table.model_fields))
+    return f"; there are: {known}" if known else ""
+
+
+def _keys(model: type[BaseModel]) -> set[str]:
+    """All keys of a table and of those that derive from it, without words that are keys for remarks alone."""
+    stated = set() if getattr(model, "texts_alone", False) else set(model.model_fields)
+    return stated.union(*map(_keys, model.__subclasses__()))

@@ -14,7 +14,8 @@ particular effect.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import import_module
 from inspect import cleandoc
@@ -28,6 +29,7 @@ from pydantic.fields import FieldInfo
 
 from signorini_fx.extensions import EFFECTS, is_of_package, load_class, modules_of, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.values import Finite, TimedValue
 
 Array = npt.NDArray[np.float64]
@@ -75,6 +77,33 @@ class BodyCoefficients(Coefficients, Protocol):
         """A value in a region of the mesh, 0 elsewhere; None: everywhere.  A callable is asked at nodes of the region
         alone.
         """
+
+
+@dataclass(frozen=True)
+class SampledPoints:
+    """Points for pictures and bounds, ``Coefficients`` as arrays.
+
+    Attributes:
+        position: length, shape (d, n).
+        normal: outward unit normals, shape (d, n), or zero, which leaves pressures out.
+        total: from an effect to the integral of its ``spread``.
+        density: of the material, mass per volume, shape (n,), or one for all.
+    """
+
+    position: Array
+    normal: Array
+    total: Callable[[Any], float]
+    density: Any = 0.0
+
+    def value(self, value: Any) -> Array:
+        """Shape (n,); zero of expressions of UFL, which only a compiled form could evaluate."""
+        if hasattr(value, "ufl_shape"):
+            return np.zeros(self.position.shape[1])
+        return sample(value, in_space(self.position.T))
+
+    def vector(self, values: tuple[Any, ...]) -> Array:
+        """Shape (d, n)."""
+        return np.stack([self.value(value) for value in values[: len(self.position)]])
 
 
 def is_zero(*values: Any) -> bool:

@@ -27,10 +27,9 @@ from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSche
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
-from signorini_fx.mechanics.statement.base import refused
+from signorini_fx.mechanics.statement.base import problems_of, refused
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion, TimedAngle, TimedVector
-from signorini_fx.mechanics.statement.validation import problems_of
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
 from signorini_fx.tuned import NORMAL_DIFFERENCE, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
 

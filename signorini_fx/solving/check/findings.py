@@ -199,7 +199,9 @@ def _acts(body: Model) -> bool:
     """Whether there is a load or a prescribed displacement in any load step; collective."""
     steps = range(body.statement.steps)
     acting = [load for step in steps for factor, load in body.applied_at(step) if factor]
-    return parallel.any_rank(body.comm, any(load.forces.any() or load.start.any() or load.drives for load in acting))
+    given = [values for load in acting for values in (load.forces, load.start)]
+    given += [values for load in acting if load.driven for values in (load.driven.forces, load.driven.motion)]
+    return parallel.any_rank(body.comm, any(values.any() for values in given))
 
 
 def _largest_loads(body: Model) -> tuple[float, float]:

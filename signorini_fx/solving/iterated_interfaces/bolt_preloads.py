@@ -150,7 +150,7 @@ def _with_shortenings(model: SolidBody, step: float, lengths: Sequence[float] | 
     for k, load in enumerate(applied):
         if isinstance(load.entry, Preload):
             entry = tight.get(id(load.entry), load.entry)
-            applied[k] = replace(load, entry=entry, amount=partial(entry.shortening_at, statement))
+            applied[k] = replace(load, entry=entry, factor=partial(entry.shortening_at, statement))
     return replace(model, statement=statement, applied=tuple(applied))
 
 
