@@ -1,15 +1,14 @@
 """What the forms of a ``ContactProblem`` say of its results, and what its certificate judges.
 
 Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are assembled anew, without
-the matrix.  So are the unit contact forms, which give weights and normals.  Both sides share these forms and the values
-of gap, friction, direction and measure at the nodes.
+the matrix.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,20 +20,15 @@ from signorini_fx.forms.stress import exterior_facets, stresses_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, facet_nodes
-from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.results.certificate.body_nodes import BodyNodes
-from signorini_fx.results.certificate.contact_nodes import ContactSide
-from signorini_fx.results.certificate.contact_sides import paired_side, rigid_side
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.mechanics import SolidBody
 
 if TYPE_CHECKING:
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-    from signorini_fx.results.certificate.pair_points import PairPoints
     from signorini_fx.results.resultants import ActingForces, NamedForces
     from signorini_fx.results.stresses import RawStresses
 
@@ -48,8 +42,6 @@ class FormBody(SolidBody):
 
     Attributes:
         user_forms: what is assembled.
-        foundation_data: of the contacts, at the nodes.
-        unit_forms: see ``Foundations.forms``.
         prescribed_dofs: which dofs of this rank are prescribed, ghosts included, and to what, shapes (dofs,).
         form_scales: of lengths and stresses.
         settled: whether the forms are those of the results, and not those of a later load step that has failed.
@@ -58,8 +50,6 @@ class FormBody(SolidBody):
     no_bounds: ClassVar[str] = "a guaranteed bound is for scenes, which state their loads and supports"
 
     user_forms: GivenForms
-    foundation_data: Sequence[FoundationData]
-    unit_forms: Sequence[Any]
     prescribed_dofs: tuple[npt.NDArray[np.bool_], Nodal]
     form_scales: Scales
     settled: bool = True
@@ -68,10 +58,6 @@ class FormBody(SolidBody):
     def scales(self) -> Scales:
         """Forms state no materials."""
         return self.form_scales
-
-    def sides(self, y: fem.Function) -> list[ContactSide]:
-        forms = self.user_forms
-        return sides_of(self.foundation_data, self.unit_forms, forms.contact, forms.masters, BodyNodes(forms.space))
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         """Of the present values of the forms, wherever ``step`` is."""
@@ -165,43 +151,3 @@ def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Nodal, space: fem.Fun
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
     here = fixed.reshape(-1, dim)[:owned]
     return PrescribedNodes(here, values.reshape(-1, dim)[:owned], np.where(here, 0, -1))
-
-
-def sides_of(
-    data: Sequence[FoundationData],
-    unit_forms: Sequence[Any],
-    contact: Sequence[Foundation | Pair],
-    masters: Mapping[int, Facets],
-    body: BodyNodes,
-    sliding: Mapping[int, PairPoints] | None = None,
-    moved: Nodal | None = None,
-) -> list[ContactSide]:
-    """The parts of the boundary with contact; collective.  ``sliding``: the points of pairs that slide, by their
-    numbers; ``moved``: displacements of the nodes of this rank, which normals of other pairs follow, length, shape
-    (nodes, d).
-    """
-    sides = []
-    for k, (at, form, entry) in enumerate(zip(data, unit_forms, contact, strict=True)):
-
-        def bound(
-            nodes: npt.NDArray[Any], pressure: Nodal, at: FoundationData = at, bonded: bool = entry.bonded
-        ) -> Nodal:
-            if bonded:
-                return np.full(nodes.size, np.inf)
-            return np.zeros(nodes.size) if at.law is None else at.law.at(nodes).limit(np.abs(pressure))
-
-        axes = None if at.shape.axes is None else (at.shape.axes.along, at.shape.axes.ratio)
-        if entry.against is None:
-            sides.append(rigid_side(body, form, at.facets, at.shape, at.gap, bound, bilateral=at.bilateral, axes=axes))
-            continue
-        points = (sliding or {}).get(k)
-        by_geometry = points is None and entry.by_geometry
-        if points is None:
-            from signorini_fx.results.certificate.pair_points import FrozenPoints
-
-            assert at.pair is not None
-            followed = None if entry.bonded or moved is None else moved[: body.owned]
-            points = FrozenPoints.of(at.pair, body.space, (at.facets, masters[k]), followed)
-        gap, said = at.gap if at.allowance is None else at.allowance, dict[str, Any](adjust=entry.adjust, axes=axes)
-        sides.append(paired_side(points, gap, bound, bilateral=at.bilateral, by_geometry=by_geometry, **said))
-    return sides

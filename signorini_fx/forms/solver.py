@@ -84,6 +84,7 @@ class FormSolver:
         result: the last solution as a load step of the user's own loop, or of a path; None: there is none, or none that
             this certifies.
         data: of the foundations at the nodes, as they are now.
+        unshifted: the regularised problem of the points, displacements counted from the initial position.
         prescribed: which dofs of this rank are prescribed, ghosts included, and to what, shapes (dofs,).
         begun: where the last solve began.
         previous_step: the end of the last step, as the present foundations see it; None: there is none.
@@ -102,6 +103,7 @@ class FormSolver:
     begun: Start
     rigid: RigidBodies
     data: list[FoundationData]
+    unshifted: RegularisedData
     prescribed: tuple[npt.NDArray[np.bool_], Array]
     _checkpoint: Any  # the iterate at the beginning of the last solve
 
@@ -382,7 +384,9 @@ class FormSolver:
     def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""
         self.data = self.foundations.data(shapes)
-        return self.foundations.problem(self.boundary, self.data, Settings.of(self.settings), self.scales)
+        problem = self.foundations.problem(self.boundary, self.data, Settings.of(self.settings), self.scales)
+        self.unshifted = problem[0]
+        return problem
 
     def model(self, path: LoadPath | None = None, title: str = "") -> FormBody:
         """The body as the forms are now, with what is known of it by name; without a path the load steps are those of a
@@ -392,8 +396,8 @@ class FormSolver:
             self._parts = named_parts(self.forms, self.settings)
         parts = self._parts.along(counted_path(self.begun.step) if path is None else path, title)
         model = parts.model(self.elastic, self.begun.law, self.foundations.pairs, self.rigid)
-        attributes = {"foundation_data": self.data, "prescribed_dofs": self.prescribed, "form_scales": self.scales}
-        return FormBody.of(model, user_forms=self.forms, unit_forms=self.foundations.forms, **attributes)
+        model = replace(model, data=self.unshifted)
+        return FormBody.of(model, user_forms=self.forms, prescribed_dofs=self.prescribed, form_scales=self.scales)
 
     def law_now(self) -> PointFriction | None:
         """Friction at the contact points with the values that Constants have now; collective."""

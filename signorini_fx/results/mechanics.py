@@ -1,4 +1,4 @@
-"""The model of a body that says what its results are made of: its contact sides, stresses and resultants."""
+"""The model of a body that says what its results are made of: contact conditions, stresses and resultants."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.records import Finding, Status, StepRecord
 from signorini_fx.results.certificate.certificate import Certificate, balance_of, judged
-from signorini_fx.results.certificate.contact_nodes import ContactSide
+from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions, overclosures_of
 
 if TYPE_CHECKING:
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.certificate.nodal_forces import NodalForces
+    from signorini_fx.results.certificate.pair_points import PairPoints
     from signorini_fx.results.resultants import ActingForces, NamedForces
     from signorini_fx.results.stresses import RawStresses
 
 
 @dataclass(frozen=True, kw_only=True)
 class SolidBody(Model, ABC):
-    """A model that says its own forces, stresses and contact sides.  The entries of its statement do, or forms do."""
+    """A model that says its own forces, stresses and contact conditions, by its statement or by forms."""
 
     no_bounds: ClassVar[str]  # why there are no guaranteed bounds; "": there may be
 
@@ -37,9 +38,17 @@ class SolidBody(Model, ABC):
         """A body from its model, and from what this kind of body has beside; both share what is computed of them."""
         return cls(**{field.name: getattr(model, field.name) for field in fields(Model)}, **attributes)
 
-    @abstractmethod
-    def sides(self, y: fem.Function) -> list[ContactSide]:
-        """The parts of the boundary with contact at a displacement, for independent checks."""
+    def conditions(self, y: fem.Function) -> ContactConditions | None:
+        """The contact points at a displacement, and what holds there; None: there is no contact; collective."""
+        if self.boundary is None:
+            return None
+        assert self.data is not None
+        pairs: dict[int, PairPoints] = {}
+        if self.pairs:
+            from signorini_fx.results.certificate.pair_points import FrozenPoints
+
+            pairs = {number: FrozenPoints(pair) for number, pair in self.pairs.items()}
+        return ContactConditions(self.boundary, self.data.gap, self.law, self.data.bilateral, pairs)
 
     @abstractmethod
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
@@ -70,7 +79,8 @@ class SolidBody(Model, ABC):
         """
         balance, drives = self.balance(displacement, step), [*zip(rigid, self.drives(step), strict=bool(rigid))]
         law = replace(law, overclosures=overclosures_of(self.statement))
-        return judged(displacement, balance, self.sides(displacement), tractions, law=law, before=last, rigid=drives)
+        contact = self.conditions(displacement)
+        return judged(displacement, balance, contact, tractions, law=law, before=last, rigid=drives)
 
     def drives(self, step: float) -> list[Drive]:
         """What drives rigid bodies at a place."""
@@ -85,12 +95,6 @@ class StatedBody(SolidBody):
 
     def drives(self, step: float) -> list[Drive]:
         return self.statement.drives(self.tagged.dimension, step)
-
-    def sides(self, y: fem.Function) -> list[ContactSide]:
-        from signorini_fx.results.certificate.contact_sides import sides_of
-        from signorini_fx.results.certificate.nodal_forces import NodalForces
-
-        return sides_of(NodalForces.on(self), self.pairs)
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
         from signorini_fx.results.accuracy.stress_recovery import StressRecovery, element_stress

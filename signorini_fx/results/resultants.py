@@ -20,7 +20,7 @@ from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
+from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.tuned import ZERO_IN_SOLUTION
@@ -112,7 +112,7 @@ class Resultants:
         tagged: its mesh.
         displacement: y, length.
         contact: the contact boundary of this rank; None without contact.
-        sides: the parts of the boundary with contact.
+        conditions: the contact points and what holds there; None without contact.
         acting: all else that acts on the body.
     """
 
@@ -120,7 +120,7 @@ class Resultants:
     tagged: TaggedMesh
     displacement: fem.Function
     contact: ContactState | None
-    sides: Sequence[ContactSide]
+    conditions: ContactConditions | None
     acting: ActingForces
 
     def __repr__(self) -> str:
@@ -200,41 +200,37 @@ class Resultants:
     def _contact_points(self) -> Array:
         """Positions of the contact points; those of sides that slide are where these are already."""
         assert self.contact is not None
+        assert self.conditions is not None
         boundary = self.contact.boundary
-        placed = np.array([side.pair is not None and side.pair.displaced for side in self.sides], dtype=bool)
-        return boundary.centre + np.where(placed[boundary.part][:, None], 0.0, self._moved[boundary.nodes])
+        placed = [number for number, pair in self.conditions.pairs.items() if pair.displaced]
+        return boundary.centre + np.where(np.isin(boundary.part, placed)[:, None], 0.0, self._moved[boundary.nodes])
 
     def _keeps_partners(self, part: int) -> bool:
         """Whether the points of a contact act at partners that the displacement has moved away from them."""
-        pair = self.sides[part].pair
+        pair = None if self.conditions is None else self.conditions.pairs.get(part)
         return self.acting.displaced and pair is not None and not pair.displaced
 
     def _at_partners(self, boundary: str, parts: Sequence[int]) -> NodalForcesAt:
         """What contacts do to the other body, at its nodes; collective."""
-        assert self.contact is not None
-        space, balance = self.displacement.function_space, self.acting.balance
-        points = ContactNodes.of(balance.surface, self.sides, Tractions.of(self.contact))
-        facets, owned = self.tagged.facets(boundary), balance.surface.owned
+        space, facets = self.displacement.function_space, self.tagged.facets(boundary)
         on_boundary = fem.locate_dofs_topological(space, self.tagged.mesh.topology.dim - 1, facets)
-        total = np.zeros_like(self._x)
-        for part in parts:
-            pair = self.sides[part].pair
-            assert pair is not None
-            nodes, forces, _ = pair.forces(points.traction[points.parts()[part]], owned)
-            inside = np.isin(nodes, on_boundary)
-            np.add.at(total, nodes[inside], -forces[inside])
-        return NodalForcesAt(self._x, total)
+        total = self._of_contact(*parts)
+        total[~np.isin(np.arange(len(total)), on_boundary)] = 0.0
+        return NodalForcesAt(self._x, -total)
+
+    def _of_contact(self, *parts: int) -> Array:
+        """The forces of the contact tractions, or those of some contacts, shape (owned nodes, d); collective."""
+        total, surface = np.zeros_like(self._x), self.acting.balance.surface
+        if self.contact is not None and self.conditions is not None:
+            nodes, forces, _ = ContactNodes.of(surface, self.conditions, Tractions.of(self.contact)).forces(*parts)
+            np.add.at(total, nodes, forces)
+        return total
 
     @cached_property
     def _reactions(self) -> Array:
         """What the stresses in the body leave to the supports, shape (owned nodes, d); collective."""
         balance = self.acting.balance
-        unbalanced = balance.internal + balance.resisted - balance.external - balance.initial
-        if self.contact is not None:
-            tractions = Tractions.of(self.contact)
-            reached, forces, _ = ContactNodes.of(balance.surface, self.sides, tractions).forces()
-            np.add.at(unbalanced, reached, forces)
-        return unbalanced
+        return np.asarray(balance.internal + balance.resisted - balance.external - balance.initial + self._of_contact())
 
     def _taken(self, number: int) -> Array:
         """The part of them that one support takes, shape (owned nodes, d); collective."""

@@ -26,7 +26,6 @@ from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, Ti
 from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, next_cost
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.contact_nodes import ContactSide
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.contact_figures import contact_figures, friction_used, section_forces
 from signorini_fx.results.mechanics import SolidBody, StepResult
@@ -265,11 +264,6 @@ class Solution:
         facets = [self.model.tagged.facets(entry.boundary) for entry in self.statement.contact]
         return boundary_fields(self.model.space, self.contact, facets, number)
 
-    @cached_property
-    def sides(self) -> list[ContactSide]:
-        """The parts of the boundary with contact, for independent checks."""
-        return self.model.sides(self.displacement)
-
     @property
     def stress(self) -> RawStresses:
         """The stress in the body, raw and recovered: tensor, von Mises stress, principal stresses and their extremes;
@@ -294,8 +288,9 @@ class Solution:
     @cached_property
     def resultants(self) -> Resultants:
         """Forces and moments on the body through each boundary; with load steps, of the last one; collective."""
-        acting = self.model.acting(self.displacement, self._position)
-        return Resultants(self.statement, self.model.tagged, self.displacement, self.contact, self.sides, acting)
+        model, y = self.model, self.displacement
+        acting, conditions = model.acting(y, self._position), model.conditions(y)
+        return Resultants(self.statement, model.tagged, y, self.contact, conditions, acting)
 
     @cached_property
     def preloads(self) -> list[SectionForce]:

@@ -192,6 +192,6 @@ def test_laws_that_are_not_what_they_say(methods, message):
 @pytest.mark.parametrize("kind", [Saturating, Quotient, Root])
 @pytest.mark.parametrize("modulus", [1.0, 1e6])
 def test_honest_laws(kind, modulus):
-    """Are not refused, however far below the modulus of the body their bounds bend."""
+    """Are not refused, however far their bounds bend from the modulus of the body."""
     law = kind(F, K).sampled(np.zeros((3, 2)))
     assert not fault_of(law, 2, modulus)

@@ -344,21 +344,6 @@ def stiffer(right):
     return spoilt
 
 
-def of_its(part, **changes):
-    """A wrong contact boundary, regularised problem or friction law."""
-
-    def wrong(right):
-        def spoilt(*arguments):
-            found = right(*arguments)
-            own = getattr(found, part)
-            own = own and replace(own, **{k: f(getattr(own, k)) for k, f in changes.items()})
-            return replace(found, **{part: own})
-
-        return spoilt
-
-    return wrong
-
-
 def heavier(right):
     """Loads are a thousandth too large."""
 
@@ -382,11 +367,6 @@ def at_one_node(amount):
     return changed
 
 
-def tilted(values):
-    """Normals turned by a tenth of a degree."""
-    return values @ np.array([[1.0, 0.002], [-0.002, 1.0]])
-
-
 def unmoved(right):
     """Contact state of an iterate that is not the displacement: the pressure of one node is off."""
 
@@ -401,10 +381,6 @@ FAULTS = {
     "no reference motion": (ElasticBody, "from_rest", without_reference_motion),
     "rotation dropped": (ElasticBody, "from_rest", with_turned_rest),
     "wrong row of the stiffness": (solve_on_mesh, "discretise", stiffer),
-    "wrong weight": (solve_on_mesh, "discretise", of_its("boundary", weight=at_one_node(0.001))),
-    "wrong normals": (solve_on_mesh, "discretise", of_its("boundary", normal=tilted)),
-    "wrong gap": (solve_on_mesh, "discretise", of_its("data", gap=at_one_node(1e-3))),
-    "wrong coefficient": (solve_on_mesh, "discretise", of_its("law", coefficient=lambda values: 1.001 * values)),
     "wrong load": (solve_on_mesh, "discretise", heavier),
     "wrong pressure": (SemismoothNewton, "multipliers", unmoved),
 }

@@ -15,9 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.algebra.method import Settings
 from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.given_forms import Facets
-from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes, sides_of
+from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, motion_at
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -28,10 +29,10 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
-from signorini_fx.results.certificate.contact_nodes import ContactSide
+from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
-from signorini_fx.results.certificate.pair_points import SlidingPoints
+from signorini_fx.results.certificate.pair_points import FrozenPoints, PairPoints, SlidingPoints
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.resultants import ActingForces, NamedForces
@@ -48,7 +49,7 @@ class ResidualMechanics:
 
     Attributes:
         forces: the residual as forces on the body without contact.
-        contact_sides: the parts of the boundary with contact, met at the displaced points.
+        contact: what holds at the contact points, met at the displaced points; None: there is no contact.
         boundaries: the facets of each part of the boundary that was given a name.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
         loads: gives the loads beside the residual at a place in the lists of factors, see ``ActingForces``.
@@ -61,7 +62,7 @@ class ResidualMechanics:
     """
 
     forces: Balance
-    contact_sides: Sequence[ContactSide]
+    contact: ContactConditions | None
     boundaries: Mapping[str, Facets]
     fixed: npt.NDArray[np.bool_]
     loads: Callable[[float], Sequence[NamedForces]] = lambda step: ()
@@ -87,8 +88,8 @@ class ResidualBody(SolidBody):
     at_steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
     stress_error: Callable[[], Array | str] = lambda: "there is no estimate of the error"
 
-    def sides(self, y: fem.Function) -> list[ContactSide]:
-        return list(self._at(y).contact_sides)
+    def conditions(self, y: fem.Function) -> ContactConditions | None:
+        return self._at(y).contact
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
         """Of the materials of a scene."""
@@ -121,28 +122,17 @@ def mechanics_at(
     linear: LinearisedProblem,
     lost: Array | None = None,
 ) -> ResidualMechanics:
-    """The forces on a body and its contact sides at a displacement, where F is ``residual`` and its round-off ``lost``,
+    """The forces on a body and its contact at a displacement, where F is ``residual`` and its round-off ``lost``,
     None: not known, forces at the owned unknowns; ``linear``: of the last iteration; collective.
     """
     space, scales = u.function_space, linear.scales
     fixed, values = prescribed(space, conditions_of(linear.bcs, space))
-    dim = space.mesh.geometry.dim
-    places, data = u.x.array.reshape(-1, dim), list(linear.data)
-    for number, moving in linear.shapes.items():
-        nodal_gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
-        nodal_gap[moving.nodes], along[moving.nodes] = moving.projected_onto(places[moving.nodes], linear=False)
-        distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
-        data[number] = replace(data[number], gap=nodal_gap, shape=distances)
-    previous = linear.previous_step
-    ends = u, None if previous is None else previous.displacement
-    sliding = {number: SlidingPoints.of(pair.sides, ends) for number, pair in linear.pairs.items()}
-    forces = residual.reshape(-1, dim)
+    forces = residual.reshape(-1, space.mesh.geometry.dim)
     nothing = np.zeros_like(forces)
-    known = nothing if lost is None else lost.reshape(-1, dim)
+    known = nothing if lost is None else lost.reshape(forces.shape)
     supports = prescribed_nodes(fixed, values, space)
-    body = BodyNodes(space)
     balance = Balance(
-        body,
+        BodyNodes(space),
         forces,
         nothing,
         supports,
@@ -155,10 +145,42 @@ def mechanics_at(
     )
     return ResidualMechanics(
         balance,
-        sides_of(data, linear.foundations.forms, linear.stated, linear.forms.masters, body, sliding, places),
+        conditions_at(u, linear, fixed, values) if linear.stated else None,
         linear.forms.boundaries,
         fixed,
     )
+
+
+def conditions_at(
+    u: fem.Function, linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values: Array
+) -> ContactConditions:
+    """What holds at the contact points where a displacement has taken them: distances and normals of shapes, and the
+    maps of pairs; ``fixed``: which dofs are prescribed, and to what, shapes (dofs,); collective.
+    """
+    linear.slide()
+    places, data, foundations = (
+        u.x.array.reshape(-1, u.function_space.mesh.geometry.dim),
+        [*linear.data],
+        linear.foundations,
+    )
+    for number, moving in linear.shapes.items():
+        gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
+        gap[moving.nodes], along[moving.nodes] = moving.projected_onto(places[moving.nodes], linear=False)
+        distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
+        data[number] = replace(data[number], gap=gap, shape=distances)
+    for number in linear.pairs:  # their distance is that of the map
+        allowance = data[number].allowance
+        assert allowance is not None
+        data[number] = replace(data[number], gap=allowance)
+    owned, at_rest = u.function_space.dofmap.index_map.size_local, foundations.at_rest(fixed, values)
+    shapes = [entry.shape for entry in data]
+    boundary = foundations.boundary(shapes, fixed[: owned * places.shape[1]], at_rest=at_rest)
+    boundary = linear.rigid.on(boundary)
+    regularised, law = foundations.problem(boundary, data, Settings.of(linear.settings), linear.scales)
+    pairs: dict[int, PairPoints] = {number: FrozenPoints(pair) for number, pair in foundations.pairs.items()}
+    for number, pair in linear.pairs.items():
+        pairs[number] = SlidingPoints(pair.sides, pair.displacement, pair.coupling, pair.settled, pair.begun)
+    return ContactConditions(boundary, regularised.gap, law, regularised.bilateral, pairs)
 
 
 def certified(
@@ -185,4 +207,4 @@ def certified(
                 touching = np.isin(points.part, tool.body.parts)
                 moved[touching] += sign * tool.at(x[touching])
         before = replace(before, moved=moved)
-    return judged(u, mechanics.forces, mechanics.contact_sides, tractions, law=law, before=before, rigid=rigid)
+    return judged(u, mechanics.forces, mechanics.contact, tractions, law=law, before=before, rigid=rigid)

@@ -48,7 +48,7 @@ from signorini_fx.records import Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, LARGEST_NUMBER, SAME_NUMBER
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.obstacles.paired_points import PairedSides
+    pass
 
 M = TypeVar("M", bound=Model)
 
@@ -298,16 +298,6 @@ def _foundations(
     }
     names = [f"contact {effect.boundary}" for effect in statement.contact]
     return Foundations(space, foundations_of(statement, on, masters), on, names, masters)
-
-
-def pairs_of(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> dict[int, PairedSides]:
-    """Both sides of each contact of two bodies, paired anew, by its place in ``statement.contact``."""
-    facets = boundary_facets(statement, tagged)
-    supports = Supports.of(statement, space, facets, tagged)
-    rests = at_rest(space, supports.conditions, supports.turned, supports.fixed)
-    foundations = _foundations(statement, space, facets)
-    foundations.boundary(foundations.shapes(), supports.fixed, supports.turned, rests)
-    return foundations.pairs
 
 
 def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:

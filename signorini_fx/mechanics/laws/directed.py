@@ -123,12 +123,6 @@ class DirectedLaw(FrictionLaw):
         along = self.along or (1.0, 0.0, 0.0)
         return np.asarray(along(x) if callable(along) else [sample(component, x) for component in along])
 
-    def directions(self, x: Array) -> tuple[Array, Array]:
-        """A vector along which friction is ``limit``, shape (n, 3), and the ratio of that across it, shape (n,), at
-        points of shape (3, n).
-        """
-        return self.vectors(x).T, sample(1.0 if self.ratio is None else self.ratio, x)
-
     def axes(self, at: Any, path: str, dimension: int, comm: Any) -> FrictionAxes | None:
         """The axes of friction at nodes; None: it has no direction; ``at``: evaluates data at nodes, see
         ``assembly.nodal_values.NodalValues``; ``path``: of the law, for errors; collective.

@@ -25,7 +25,6 @@ from pydantic import BeforeValidator, WithJsonSchema
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.effect import is_zero
-from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.values import not_negative, timed
 
 Array = npt.NDArray[np.float64]
@@ -141,10 +140,6 @@ class FrictionLaw(Table):
     def at(self, points: Any) -> Self:
         """A law whose parameters are arrays at some of their entries."""
         return self.with_values(lambda _, values: values[points])
-
-    def sampled(self, x: Array) -> Self:
-        """The law at points, shape (3, n): its parameters are arrays."""
-        return self.with_values(lambda _, value: sample(value, x))
 
     @property
     def timed(self) -> bool:

@@ -214,13 +214,6 @@ class RigidBodyMotion:
         """From its pivot to points at x that have been displaced, length, shapes (n, d): where they were."""
         return np.asarray(x - self.reference)
 
-    def mode(self, component: int, x: _Floats, displacements: _Floats) -> _Floats:
-        """How one component of its motion, a small one more, moves points, see ``lever``; without unit, or lengths per
-        radian, shape (n, d).
-        """
-        modes = rigid_modes(self.lever(x, displacements), np.zeros(x.shape[1]), np.array(1.0))
-        return np.asarray(modes[:, :, component])
-
     def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
         """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.
 

@@ -1,8 +1,8 @@
 """The certificate: whether a displacement and the contact tractions are a solution of the scene.
 
 It takes the scene, the mesh, the displacement that the user gets, and the contact tractions; in a later load step also
-those of the previous step, from which friction acts.  It uses nothing else that the solver keeps.  It does not detect
-faults in what both sides share: the mesh and its names, basix, the forms, materials, loads and supports.
+those of the previous step, from which friction acts.  It uses no matrix, load vector or active set of the solver.  It
+does not detect faults in what both share: the mesh and its names, the forms, materials, loads and contact points.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.records import JUDGED, REPORTED
-from signorini_fx.results.certificate.contact_nodes import ContactNodes, ContactSide
+from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
 from signorini_fx.results.certificate.equilibrium import Balance, PieceScales, change_of_volume, equilibrium, share
 from signorini_fx.results.certificate.law_of_method import UNREGULARISED, Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
@@ -140,7 +140,7 @@ def _faint_forces(
     """
     comm, forces = nodes.body.comm, []
     for motion in rigid:
-        points = nodes.part(*motion.body.parts)
+        points = nodes.contact.part(*motion.body.parts)
         stress, lost = (parallel.largest(comm, values[piece[points]]) for values in (mean, penalty))
         area = float(parallel.global_sum(comm, np.array(nodes.weight[points].sum())))
         forces.append(max(NEGLIGIBLE * stress, lost, NO_FORCE * float(mean.max())) * area)
@@ -150,7 +150,7 @@ def _faint_forces(
 def judged(
     displacement: fem.Function,
     balance: Balance,
-    sides: Sequence[ContactSide],
+    contact: ContactConditions | None,
     tractions: Tractions | None,
     *,
     law: Law = UNREGULARISED,
@@ -162,7 +162,7 @@ def judged(
     Args:
         displacement: y.
         balance: the forces on the body without contact.
-        sides: the parts of the boundary with contact.
+        contact: the contact points and what holds there; None: there is no contact.
         tractions: pressure and shear at the contact points; None without contact.
         law: the contact law that the method promises.
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
@@ -197,13 +197,13 @@ def judged(
         "potential_energy": strain_energy + stored / 2 - work,
     }
     volume = change_of_volume(balance, float(far.max()), strained)
-    if tractions is None or not sides:
+    if tractions is None or contact is None:
         units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
         left = equilibrium(balance, pieces, y, None, units, float(far.max()))
         return Certificate(equilibrium=max(left.share, volume), unjudged=left.unjudged, lost=left.lost, **figures)
-    nodes = ContactNodes.of(forces, sides, tractions)
+    nodes = ContactNodes.of(forces, contact, tractions)
     at = nodes.pieces(pieces.piece)
-    figures["coupling"] = nodes.coupling_error()
+    figures["coupling"] = max((pair.error() for pair in contact.pairs.values()), default=0.0)
 
     def largest(values: Nodal) -> Nodal:
         """Of the points of each piece, from either side."""
@@ -211,13 +211,13 @@ def judged(
 
     drawn, moved = np.zeros(len(nodes.nodes)), [motion for motion, _ in rigid]
     for motion in moved:
-        touching = nodes.part(*motion.body.parts)
+        touching = contact.part(*motion.body.parts)
         drawn[touching] = np.linalg.norm(motion.at(x[nodes.nodes[touching]]), axis=1)
     length = np.maximum(length, NO_FORCE * largest(drawn))
     reach = max(float(far.max()), float(largest(drawn).max()))
     alone = balance.unloaded(pieces)
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
-    stress = np.maximum(largest(nodes.felt(supports)), NEGLIGIBLE * mean)
+    stress = np.maximum(largest(nodes.felt), NEGLIGIBLE * mean)
     moduli, sizes = np.array([(piece_scales.modulus, piece_scales.size) for piece_scales in stiffest]).T
     fineness = largest(np.asarray(1.0 / balance.scales.side(nodes.weight)))
     stress = np.maximum(stress, NO_FORCE * np.where(alone, moduli.max() * reach, moduli * far) * fineness)
@@ -226,17 +226,16 @@ def judged(
     length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
     (u_n, slip), origin = nodes.traces(nodal_displacements, moved), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
-        last = ContactNodes.of(forces, sides, before.tractions)
+        last = ContactNodes.of(forces, contact, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)
-        stress = np.maximum(stress, NO_FORCE * largest(last.felt(supports)))
+        stress = np.maximum(stress, NO_FORCE * largest(last.felt))
         common = largest(last.terms(so_far[: forces.owned]))
         length = np.maximum(length, NO_FORCE * np.maximum(common, pieces.largest_beside(so_far[: forces.owned])))
         slip, origin = slip - last.traces(so_far, before.rigid)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
-            elastic = replace(before.tractions, shear=before.elastic_slip)
-            slip = slip + nodes.rounded(ContactNodes.of(forces, sides, elastic).shear, power=-2)
+            slip = slip + nodes.rounded(before.elastic_slip, power=-2)
         if before.moved is not None:  # slip is relative to the foundation
-            slip = slip - ContactNodes.of(forces, sides, replace(before.tractions, shear=before.moved)).shear
+            slip = slip - before.moved
         # Foundations may have turned since: what was along them then need not be along them now.
         slip, origin = nodes.along(slip), nodes.along(origin)
     # Most of the displacement that a relative one is the difference of may be common to two bodies, or to a body and a
@@ -258,8 +257,7 @@ def judged(
     )
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
     points = units.between(*at)
-    immovable = nodes.immovable(supports, nodal_displacements, rigid)
-    figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, immovable, points)
+    figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, points)
     places = float(farthest) if balance.displaced else 0.0
     left = equilibrium(balance, pieces, y, nodes, units, reach)
     unbalanced = left.share
@@ -277,21 +275,21 @@ def contact_conditions(
     slip: Nodal,
     origin: Nodal,
     law: Law,
-    immovable: npt.NDArray[np.bool_],
     units: PieceScales,
 ) -> dict[str, float]:
     """How far contact points are from the law, the figures of ``Certificate`` by name; ``slip``: what tau_T y adds to
-    the previous step, and ``origin``: shear at its end, both ``ContactNodes.rounded``, shape (n, d); ``immovable``:
-    points that cannot move along their normal, so that supports take what contact would, and it has no pressure;
-    collective.
+    the previous step, and ``origin``: shear at its end, both ``ContactNodes.rounded``, shape (n, d); collective.
+
+    At points that cannot move along their normal supports take what contact would, and it has no pressure.
     """
-    pressure, shear, bilateral = nodes.pressure, nodes.rounded(nodes.shear, -1), nodes.bilateral
+    contact, pressure, shear = nodes.contact, nodes.pressure, nodes.rounded(nodes.shear, -1)
+    bilateral, immovable = contact.bilateral, contact.boundary.points.immovable
     comm, length, far, stress = nodes.body.comm, units.length, units.far, units.stress
     unity = np.ones_like(stress)
-    overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
+    overlap, sheared = u_n - contact.gap, np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n
     for number, soft in law.overclosures.items():
-        on = nodes.part(number)
+        on = contact.part(number)
         entered[on] = np.maximum(overlap[on], 0.0) - pressure[on] / soft.stiffness
     xi = slip - (shear - origin) / law.gamma_t
     overlap, entered = np.where(immovable, np.minimum(overlap, 0.0), overlap), np.where(immovable, 0.0, entered)

@@ -1,23 +1,24 @@
-"""The contact points as the certificate sees them: evaluated anew, with the tractions that are claimed."""
+"""The contact points as the certificate sees them: where a result meets its foundations, with claimed tractions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 
+from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import Averages, from_owners, to_owners
-from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
+from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.law_of_method import Tractions
-from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.tuned import ROOT_OF_EPS
+from signorini_fx.tuned import NEGLIGIBLE
 
 if TYPE_CHECKING:
     from signorini_fx.results.certificate.pair_points import PairPoints
@@ -26,136 +27,98 @@ Nodal = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ContactSide:
-    """One part of the boundary with contact at its n points on this rank, evaluated anew.
+class ContactConditions:
+    """The contact points of this rank where a displacement has taken them, and what holds there.
 
     Attributes:
-        nodes: local number of the node at the point, shape (n,).
-        weight: area (in 2D: length) that the point stands for, shape (n,).
-        normal: outward unit normal, or the direction that the problem gives, shape (n, d).
+        boundary: the n points.
         gap: d, length, shape (n,).
-        bound: (nodes, pressure at them) -> F g, stress, shape (n,).
-        bilateral: whether contact cannot open.
-        averages: how the points average; None: they are nodes, or those of a pair.
-        pair: the points of a pair; None: the foundation is rigid.
-        axes: vectors along which friction is that of ``bound``, shape (n, d), and the ratio of that across them, shape
-            (n,); None: friction has no direction.
+        law: of friction; None: there is none.
+        bilateral: where contact cannot open, shape (n,).
+        pairs: the points of two bodies, by the numbers of their contacts.
     """
 
-    nodes: npt.NDArray[Any]
-    weight: Nodal
-    normal: Nodal
+    boundary: ContactBoundary
     gap: Nodal
-    bound: Callable[[npt.NDArray[Any], Nodal], Nodal]
-    bilateral: bool
-    averages: Averages | None = None
-    pair: PairPoints | None = None
-    axes: tuple[Nodal, Nodal] | None = None
+    law: PointFriction | None
+    bilateral: npt.NDArray[np.bool_]
+    pairs: Mapping[int, PairPoints]
 
-    def at(self, values: Nodal, body: BodyNodes) -> Nodal:
-        """Values at the nodes of this rank, ghosts included, shape (nodes, k), at the points of one body, shape
-        (n, k); collective.
-        """
-        if self.averages is None:
-            return np.asarray(values[self.nodes])
-        reached = from_owners(np.nan_to_num(values[: body.owned]), self.averages.nodes, body.comm)
-        return np.asarray(self.averages.shares @ reached)
+    def part(self, *numbers: int) -> npt.NDArray[np.int64]:
+        """The points of some contacts."""
+        return np.flatnonzero(np.isin(self.boundary.part, numbers))
 
-    def movable(self, vectors: Nodal, supports: PrescribedNodes, body: BodyNodes) -> Nodal:
-        """The part of vectors at the points that is along directions in which something can move, shape (n, d);
-        collective.
-        """
-        if self.pair is not None:
-            return np.asarray(vectors * self.pair.moved(supports.movable()))
-        if self.averages is None:
-            return supports.left(vectors, self.nodes)
-        reached = from_owners(supports.movable().astype(np.float64), self.averages.nodes, body.comm)
-        return np.asarray(vectors * self.averages.any_of(reached > 0))
+    @cached_property
+    def of_pairs(self) -> list[tuple[PairPoints, npt.NDArray[np.int64]]]:
+        """The pairs, and which points are theirs."""
+        return [(pair, self.part(number)) for number, pair in self.pairs.items()]
 
-    def forces(self, traction: Nodal, body: BodyNodes) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
-        """Global nodes, their nodal forces and areas, of tractions at the points; collective."""
-        if self.pair is not None:
-            return self.pair.forces(traction, body.owned)
-        force = self.weight[:, None] * traction
-        if self.averages is None:
-            return self.nodes, force, self.weight
-        shares, nodes = self.averages.shares, self.averages.nodes
-        values = np.column_stack((shares.T @ force, abs(shares).T @ self.weight))
-        rows = to_owners(values, nodes, body.comm, body.owned)
-        reached = np.flatnonzero(rows[:, -1] > 0)
-        return reached, rows[reached, :-1], rows[reached, -1]
+    @cached_property
+    def paired(self) -> npt.NDArray[np.bool_]:
+        """Which points are those of pairs, shape (n,)."""
+        return np.isin(self.boundary.part, list(self.pairs))
 
 
 @dataclass(frozen=True)
 class ContactNodes:
-    """The contact points of this rank with the tractions at them; methods are collective; the points of ``sides``
-    follow each other; ``across``: e, the unit vector across which friction has the ratio r to that along, shape (n, d),
-    None: it has no direction.
+    """The contact points of this rank with the tractions at them; methods are collective.
+
+    Attributes:
+        body: its nodes.
+        contact: the n points.
+        pressure: stress, shape (n,).
+        shear: as vectors of space, stress, shape (n, d).
     """
 
     body: BodyNodes
-    sides: Sequence[ContactSide]
-    nodes: npt.NDArray[np.int64]
-    weight: Nodal
-    normal: Nodal
-    gap: Nodal
-    bound: Nodal
-    bilateral: npt.NDArray[np.bool_]
+    contact: ContactConditions
     pressure: Nodal
     shear: Nodal
-    across: Nodal | None = None
-    ratio: Nodal | None = None
 
     @classmethod
-    def of(cls, body: BodyNodes, sides: Sequence[ContactSide], tractions: Tractions) -> ContactNodes:
+    def of(cls, body: BodyNodes, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
         """The contact points of a problem; collective.
 
         Raises:
             ValueError: the tractions are not those of the contact points of the problem.
         """
-        rows, unmatched = [], False
-        for part, side in enumerate(sides):
-            claimed = np.flatnonzero(np.asarray(tractions.part) == part)
-            claimed = claimed[np.argsort(np.asarray(tractions.nodes)[claimed], kind="stable")]
-            order = np.argsort(side.nodes, kind="stable")
-            if np.array_equal(np.asarray(tractions.nodes)[claimed], side.nodes[order]):
-                rows.append(claimed[np.argsort(order)])
-            else:
-                unmatched = True
-        if parallel.any_rank(body.comm, unmatched):
+        boundary = contact.boundary
+        fit = np.array_equal(tractions.nodes, boundary.nodes) and np.array_equal(tractions.part, boundary.part)
+        if parallel.any_rank(body.comm, not fit):
             raise ValueError("the tractions are not those of the contact nodes of the scene")
-        names = ("nodes", "weight", "normal", "gap")
-        given = {name: np.concatenate([getattr(side, name) for side in sides]) for name in names}
-        across = ratio = None
-        if any(side.axes is not None for side in sides):
-            across, ratio = np.zeros_like(given["normal"]), np.ones(len(given["nodes"]))
-            at = np.cumsum([0, *(len(side.nodes) for side in sides)])
-            for side, first, last in zip(sides, at[:-1], at[1:], strict=True):
-                if side.axes is not None:
-                    along, ratio[first:last] = side.axes
-                    crossed = np.cross(side.normal, along)
-                    across[first:last] = crossed / np.linalg.norm(crossed, axis=1, keepdims=True)
-        pressures = [tractions.pressure[of_side] for of_side in rows]
-        return cls(
-            body,
-            sides,
-            **given,
-            bound=np.concatenate([side.bound(side.nodes, p) for side, p in zip(sides, pressures, strict=True)]),
-            bilateral=np.concatenate([np.full(len(side.nodes), side.bilateral) for side in sides]),
-            pressure=np.concatenate(pressures),
-            shear=np.concatenate([tractions.shear[of_side] for of_side in rows]),
-            across=across,
-            ratio=ratio,
-        )
+        return cls(body, contact, tractions.pressure, tractions.shear)
+
+    @property
+    def nodes(self) -> npt.NDArray[np.int32]:
+        """Local number of the node at each point, shape (n,)."""
+        return self.contact.boundary.nodes
+
+    @property
+    def weight(self) -> Nodal:
+        """Area (in 2D: length) that each point stands for, shape (n,)."""
+        return self.contact.boundary.weight
+
+    @property
+    def normal(self) -> Nodal:
+        """Unit normals, shape (n, d)."""
+        return self.contact.boundary.normal
+
+    @cached_property
+    def bound(self) -> Nodal:
+        """The largest shear that friction allows for, stress, shape (n,)."""
+        law = self.contact.law
+        return np.zeros_like(self.pressure) if law is None else law.bound(self.pressure)
 
     def rounded(self, vectors: Nodal, power: int) -> Nodal:
         """Tangential vectors, shape (n, d), with their part across the direction of friction times r^power: with -1
         admissible shears fill a disc, and with 1 slips that are normal to the ellipse are normal to that.
         """
-        if self.across is None or self.ratio is None:
+        axes = self.contact.boundary.friction_axes
+        if axes is None:
             return vectors
-        part = np.sum(vectors * self.across, axis=1) * (self.ratio**power - 1)
-        return np.asarray(vectors + part[:, None] * self.across)
+        across = self.contact.boundary.tangents[:, :, 1] / axes.ratio[:, None]
+        part = np.sum(vectors * across, axis=1) * (axes.ratio**power - 1)
+        return np.asarray(vectors + part[:, None] * across)
 
     def along(self, vectors: Nodal) -> Nodal:
         """The part of vectors at the points, shape (n, d), that is tangential."""
@@ -170,11 +133,15 @@ class ContactNodes:
         """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d), relative to rigid bodies that have moved;
         the latter as a vector, shape (n, d).
         """
-        relative = self._at(displacements)
-        for pair, part in self._paired:
-            relative[part] = pair.relative(displacements[: self.body.owned])
+        relative, averages = np.array(displacements[self.nodes]), self.contact.boundary.averages
+        if averages is not None:
+            values = from_owners(displacements[: self.body.owned], averages.nodes, self.body.comm)
+            relative = (averages.operator @ values.ravel()).reshape(relative.shape)
+        for pair, part in self.contact.of_pairs:
+            known = pair.relative(displacements[: self.body.owned], self.normal[part])
+            relative[part] = relative[part] if known is None else known
         for motion in rigid:
-            points = self.part(*motion.body.parts)
+            points = self.contact.part(*motion.body.parts)
             relative[points] -= self._at(motion.at(self._x))[points]
         return np.sum(relative * self.normal, axis=1), self.along(relative)
 
@@ -183,30 +150,29 @@ class ContactNodes:
         """Positions of the nodes with ghosts, length, shape (nodes, d)."""
         return np.asarray(self.body.at_nodes[:, : self.normal.shape[1]])
 
-    def _at(self, nodal_values: Nodal) -> Nodal:
+    def _at(self, values: Nodal) -> Nodal:
         """Values of nodes with ghosts, shape (nodes, d), at the points of one body, shape (n, d)."""
-        return np.concatenate([side.at(nodal_values, self.body) for side in self.sides])
+        own, averages = values[self.nodes], self.contact.boundary.averages
+        if averages is None:
+            return np.asarray(own)
+        averaged = averages.shares @ from_owners(values[: self.body.owned], averages.nodes, self.body.comm)
+        return np.where(self.contact.paired[:, None], own, averaged)
 
     def pieces(self, of_node: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """The piece of the body at each point, and that on the other side, -1 where the foundation is rigid, shape
         (n,); ``of_node``: the piece that each owned node is in; collective.
         """
         opposite = np.full(self.nodes.size, -1, dtype=np.int64)
-        for pair, part in self._paired:
+        for pair, part in self.contact.of_pairs:
             opposite[part] = pair.on_other_side(of_node)
         return of_node[self.nodes], opposite
-
-    def part(self, *numbers: int) -> npt.NDArray[np.int64]:
-        """The points of some contact boundaries."""
-        return np.concatenate([np.arange(self.nodes.size)[self.parts()[number]] for number in numbers])
 
     def resultant(self, motion: RigidBodyMotion, displacements: Nodal) -> tuple[Nodal, float, float]:
         """What the tractions of its contact boundaries do to a rigid body: force and moment about its pivot, shape
         (m,), the sum of the magnitudes of forces, and how far from the pivot they act; ``displacements``: of nodes with
         ghosts, shape (nodes, d); collective.
         """
-        numbers, comm = motion.body.parts, self.body.comm
-        part = self.part(*numbers)
+        part, comm = self.contact.part(*motion.body.parts), self.body.comm
         force = self.weight[part, None] * self.traction[part]
         arm = motion.lever(self._at(self._x)[part], self._at(displacements)[part])
         plane = arm.shape[1] == 2
@@ -220,69 +186,56 @@ class ContactNodes:
         """The sums of the magnitudes of what relative displacements of two bodies are added up of, 0 at points on a
         rigid foundation, length, shape (n,), from displacements of shape (owned nodes, d).
         """
-        magnitudes = np.zeros(self.nodes.size)
-        for pair, part in self._paired:
-            magnitudes[part] = np.linalg.norm(pair.terms(owned), axis=1)
-        return magnitudes
+        averages = self.contact.boundary.averages
+        if averages is None or not self.contact.pairs:
+            return np.zeros(self.nodes.size)
+        sums = abs(averages.operator) @ from_owners(np.abs(owned), averages.nodes, self.body.comm).ravel()
+        return np.where(self.contact.paired, np.linalg.norm(sums.reshape(self.normal.shape), axis=1), 0.0)
 
-    def forces(self) -> tuple[npt.NDArray[np.int64], Nodal, Nodal]:
-        """What the tractions do to the body: the local nodes that they act on, shape (m,), the forces on them, shape
-        (m, d), and the area that a node stands for, shape (m,); a node of two boundaries is there twice.
+    def forces(self, *parts: int) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
+        """What the tractions do to the body, or those of some contacts: the local nodes that they act on, shape (m,),
+        the forces on them, shape (m, d), and the area that a node stands for, shape (m,).
         """
-        of_sides = zip(self.sides, self.parts(), strict=True)
-        groups = [side.forces(self.traction[part], self.body) for side, part in of_sides]
-        nodes, forces, area = (np.concatenate(column) for column in zip(*groups, strict=True))
-        return nodes, forces, area
+        force, averages = self.weight[:, None] * self.traction, self.contact.boundary.averages
+        if parts:
+            force[~np.isin(self.contact.boundary.part, parts)] = 0.0
+        if averages is None:
+            return self.nodes, force, self.weight
+        dim, entries, owned = force.shape[1], averages.operator.tocoo(), self.body.owned
+        places = entries.row // dim, entries.col // dim
+        moving = sp.csr_array(sp.coo_array((entries.data != 0, places), shape=averages.shares.shape))
+        # A node that moves a point by turning facets alone has a small area.
+        moves = NEGLIGIBLE * moving.astype(bool).astype(np.float64)
+        areas = abs(averages.shares).maximum(moves).T @ self.weight
+        values = np.column_stack(((averages.operator.T @ force.ravel()).reshape(-1, dim), areas))
+        rows = to_owners(values, averages.nodes, self.body.comm, owned)
+        reached = np.flatnonzero(rows[:, -1] > 0)
+        area = rows[reached, -1]
+        for pair in self.contact.pairs.values():
+            area = np.maximum(area, pair.least_area()[reached])
+        return reached, rows[reached, :-1], area
 
-    def felt(self, supports: PrescribedNodes) -> Nodal:
+    @property
+    def felt(self) -> Nodal:
         """The larger of pressure and shear without what supports take of them, stress, shape (n,).
 
         What supports alone take is not a scale for other nodes.  Neither is a part of the one that the other undoes.
         """
         tractions = self.pressure[:, None] * self.normal, self.shear
-        *alone, combined = (
-            np.linalg.norm(self._movable(part, supports), axis=1) for part in (*tractions, np.add(*tractions))
-        )
+        *alone, combined = (np.linalg.norm(self._movable(part), axis=1) for part in (*tractions, np.add(*tractions)))
         return np.minimum(np.maximum(*alone), combined)
 
-    def immovable(
-        self, supports: PrescribedNodes, displacements: Nodal, rigid: Sequence[tuple[RigidBodyMotion, Drive]] = ()
-    ) -> npt.NDArray[np.bool_]:
-        """Points that cannot move along their normal, because what is free at them, and at the rigid body that they
-        touch, is across it; ``displacements``: of nodes with ghosts, shape (nodes, d); ``rigid``: see ``judged``.
-        """
-        movable = np.max(np.abs(self._movable(self.normal, supports)), axis=1, initial=0.0) > ROOT_OF_EPS
-        for motion, (_, prescribed) in rigid:
-            points = self.part(*motion.body.parts)
-            for component in np.flatnonzero(np.isnan(prescribed)):
-                moves = self._at(motion.mode(int(component), self._x, displacements))[points]
-                along = np.abs(np.sum(moves * self.normal[points], axis=1))
-                movable[points] |= along > ROOT_OF_EPS * np.linalg.norm(moves, axis=1)
-        return ~movable
-
-    def _movable(self, vectors: Nodal, supports: PrescribedNodes) -> Nodal:
-        of_sides = zip(self.sides, self.parts(), strict=True)
-        return np.concatenate([side.movable(vectors[part], supports, self.body) for side, part in of_sides])
-
-    def coupling_error(self) -> float:
-        """The largest error of the maps of pairs of bodies."""
-        return max((pair.error() for pair, _ in self._paired), default=0.0)
+    def _movable(self, vectors: Nodal) -> Nodal:
+        """The part of vectors at the points that is along directions in which the body can move, shape (n, d)."""
+        free, axes = self.contact.boundary.free, self.contact.boundary.axes
+        if axes is None:
+            return np.where(free, vectors, 0.0)
+        return np.einsum("nij,nj->ni", axes, np.where(free, np.einsum("nij,ni->nj", axes, vectors), 0.0))
 
     @property
     def shear_across(self) -> Nodal:
         """The shear across planes of symmetry, of which there is none, stress, shape (n, d)."""
         across = np.zeros_like(self.shear)
-        for pair, part in self._paired:
+        for pair, part in self.contact.of_pairs:
             across[part] = np.einsum("nij,nj->ni", pair.across, self.shear[part])
         return across
-
-    @cached_property
-    def _paired(self) -> list[tuple[PairPoints, slice]]:
-        """The pairs of bodies, and which points are theirs."""
-        of_sides = zip(self.sides, self.parts(), strict=True)
-        return [(side.pair, part) for side, part in of_sides if side.pair is not None]
-
-    def parts(self) -> list[slice]:
-        """Which rows each part of the boundary has, one after the other."""
-        ends = np.cumsum([0, *(len(side.nodes) for side in self.sides)])
-        return [slice(int(a), int(b)) for a, b in pairwise(ends)]

@@ -20,16 +20,13 @@ from dolfinx import fem
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
-from signorini_fx.mechanics.assembly.nodal_values import NodalValues
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
 from signorini_fx.mechanics.loads.initial_strains import Jump, initial_strain, jumps_in, total_jump
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, group_of
 from signorini_fx.mechanics.loads.supports import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.obstacles.foundations_on_points import unit_form
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
-from signorini_fx.mechanics.statement.expressions import in_space
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 
@@ -123,25 +120,6 @@ class NodalForces(BodyNodes):
         if not _differ_in_contact_alone(statement, self._forms.on.statement):
             other._forms = CompiledForms(statement, self.tagged, self.space)
         return other
-
-    def unit_form(self, boundary: str) -> Any:
-        """The compiled unit contact form of a part of the boundary."""
-        key = "unit form", boundary, self.kinematics.uniform
-        if key not in self._of_mesh:
-            facets = self.tagged.facets(boundary)
-            self._of_mesh[key] = unit_form(self.space, facets, measured=not self.kinematics.uniform)
-        return self._of_mesh[key]
-
-    def on_boundary(self, boundary: str, values: Callable[[Array], Array]) -> Array:
-        """Values of points x, shape (3, n), at the nodes of a part of the boundary, nan at all others; collective."""
-        key = "nodes", boundary
-        if key not in self._of_mesh:
-            self._of_mesh[key] = NodalValues(self.space, self.tagged.facets(boundary)).nodes
-        nodes = self._of_mesh[key]
-        at_nodes = values(in_space(self.at_nodes[nodes]))
-        nodal_values = np.full((len(self.at_nodes), *at_nodes.shape[1:]), np.nan)
-        nodal_values[nodes] = at_nodes
-        return nodal_values
 
     @property
     def pressed(self) -> bool:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.mechanics.loads.supports import Supports
-from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
@@ -57,20 +56,19 @@ class PrescribedNodes:
         """How far displacements of the owned nodes are from what is prescribed, length, as a list."""
         away = y - self.value
         if self.turned is not None:
-            away = np.einsum("nij,ni->nj", self._frames(np.arange(len(y))), away)
+            away = np.einsum("nij,ni->nj", self._frames, away)
         return np.abs(away[self.fixed])
 
     def among(self, of_node: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Numbers that the owned nodes have, in the order of ``missed``."""
         return np.asarray(np.broadcast_to(of_node[:, None], self.fixed.shape)[self.fixed])
 
-    def left(self, vectors: Nodal, nodes: npt.NDArray[np.int64] | None = None) -> Nodal:
-        """Vectors at the owned nodes, or at some of them, without the directions that are prescribed, shape (n, d)."""
-        fixed = self.fixed if nodes is None else self.fixed[nodes]
+    def left(self, vectors: Nodal) -> Nodal:
+        """Vectors at the owned nodes without the directions that are prescribed, shape (owned nodes, d)."""
         if self.turned is None:
-            return np.where(fixed, 0.0, vectors)
-        frames = self._frames(np.arange(len(vectors)) if nodes is None else nodes)
-        return np.einsum("nij,nj->ni", frames, np.where(fixed, 0.0, np.einsum("nij,ni->nj", frames, vectors)))
+            return np.where(self.fixed, 0.0, vectors)
+        free = np.where(self.fixed, 0.0, np.einsum("nij,ni->nj", self._frames, vectors))
+        return np.einsum("nij,nj->ni", self._frames, free)
 
     def taken(self, forces: Nodal, position: int) -> Nodal:
         """The part of nodal forces that one entry of ``scene.displacement`` takes, shape (owned nodes, d).
@@ -90,14 +88,8 @@ class PrescribedNodes:
                 taken[nodes] += along[:, dim + number, None] * support.normal
         return taken
 
-    def movable(self) -> npt.NDArray[np.bool_]:
-        """Components in which a node can move, shape (owned nodes, d)."""
-        if self.turned is None:
-            return ~self.fixed
-        ways = [self.left(np.broadcast_to(axis, self.fixed.shape)) for axis in np.eye(self.fixed.shape[1])]
-        return np.asarray(np.max(np.abs(ways), axis=0) > ROOT_OF_EPS)
-
-    def _frames(self, nodes: npt.NDArray[Any]) -> Nodal:
-        """The frames of nodes that ``fixed`` is told in, shape (n, d, d)."""
+    @property
+    def _frames(self) -> Nodal:
+        """The frames of the owned nodes that ``fixed`` is told in, shape (owned nodes, d, d)."""
         assert self.turned is not None
-        return self.turned.frames_at(nodes)
+        return self.turned.frames_at(np.arange(len(self.fixed)))
