@@ -112,7 +112,6 @@ def solve_nested(
     *,
     path: LoadPath | Sequence[float] | None = None,
     observers: Sequence[Observer] = (),
-    on_level: Callable[[Solution], object] = lambda solution: None,
 ) -> Solution:
     """Solve a problem on nested meshes, each starting from the solution on the one before; collective.
 
@@ -129,7 +128,6 @@ def solve_nested(
         levels: how many meshes, each with cells half as large as the one before.
         path: the load steps on each mesh; None: a single one.
         observers: see ``solve``.
-        on_level: called with the solution on each mesh but the last.
 
     Raises:
         ConvergenceError: there is no solution; its ``solution`` has the last iterate.
@@ -147,7 +145,7 @@ def solve_nested(
                 problem = problem.divided(2**number) if callable(mesh) else problem.on(refine(problem.tagged))
             yield problem
 
-    return _checked(nested.solve_nested(problems(), levels, first.comm, first.history, on_level))
+    return _checked(nested.solve_nested(problems(), levels, first.comm, first.history))
 
 
 def solve_to_accuracy(
@@ -157,7 +155,6 @@ def solve_to_accuracy(
     *,
     path: LoadPath | Sequence[float] | None = None,
     observers: Sequence[Observer] = (),
-    on_level: Callable[[Solution], object] = lambda solution: None,
 ) -> Solution:
     """Solve a problem on finer and finer meshes until the estimated error is what was asked for; collective.
 
@@ -171,7 +168,6 @@ def solve_to_accuracy(
         accuracy: the accuracy.
         path: see ``solve_nested``.
         observers: see ``solve``.
-        on_level: called with the solution on each mesh but the last.
 
     Raises:
         ConvergenceError: there is no solution, or the accuracy is not reached; its ``solution`` has the last mesh.
@@ -194,7 +190,7 @@ def solve_to_accuracy(
         raise FormError(wrong, "solve_to_accuracy")
     budget = to_accuracy.Budget.begins(accuracy, first.comm, first.history)
     meshes = Meshes(first, accuracy, adaptive=adaptive, made=made, any_jump=made)
-    solution = to_accuracy.solve_to_accuracy(meshes, budget, first.history, on_level)
+    solution = to_accuracy.solve_to_accuracy(meshes, budget, first.history)
     asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
     return _checked(replace(solution, model=asked))
 

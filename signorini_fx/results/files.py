@@ -32,12 +32,10 @@ from signorini_fx.results.fields import (
     write_fields,
     write_surface,
 )
-from signorini_fx.results.folder import CHECKPOINT, SUMMARY, ResultFolder
+from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.summary import summary_of
 
-# The result of the last completed mesh, while the next one is being solved.
-LAST_LEVEL = "last_level"
 # Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
 ON_DEMAND = ("pressure", "displacement", "density")
 # All files of a result, although some are written by some runs only, and its report.
@@ -59,8 +57,6 @@ FILES = (
     *(f"field_{name}.{kind}" for name in (*ON_DEMAND, "around") for kind in ("png", "pdf")),
     "report.html",
 )
-# Folders that a solve fills on its way, and removes at its end.
-INNER = (LAST_LEVEL, CHECKPOINT)
 # The columns that come first in the table of all load steps, and those that it leaves out.
 _CONSTANT_COLUMNS = ("against", "gap", "slip", "slip_x", "slip_y", "slip_z", "weight", "n_x", "n_y", "n_z")
 _LEADING_COLUMNS = ("x", "y", "z", "s", "boundary")

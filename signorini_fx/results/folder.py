@@ -37,7 +37,6 @@ class ResultFolder:
         comm: the ranks of the run.
         path: made if it does not exist.
         names: the files and folders that the run may write.
-        inner: whether it belongs to the run that has claimed the folder above, which removes it at its end.
 
     Attributes:
         part: where to write what ``commit`` or ``add`` will move into place.
@@ -48,12 +47,11 @@ class ResultFolder:
             no earlier run has written.
     """
 
-    def __init__(self, comm: MPI.Comm, path: str | Path, names: Iterable[str], *, inner: bool = False) -> None:
+    def __init__(self, comm: MPI.Comm, path: str | Path, names: Iterable[str]) -> None:
         if not str(path):
             raise OutputError("a result folder has a name: '.' is the current folder")
         self._comm = comm
         self._names = (SUMMARY, *names)
-        self._inner = inner
         self._made = self.committed = False
         self.path = Path(path)
         self.part = self.path / manifest.PART
@@ -140,10 +138,7 @@ class ResultFolder:
     def _claim(self) -> None:
         try:
             self._made = not self.path.exists()
-            if self._inner:
-                self._refuse(manifest.foreign(self.path.parent, [self.path.name]))
-                manifest.begin_inner(self.path.parent, self.path.name)
-            elif manifest.is_inner(self.path):
+            if manifest.is_inner(self.path):
                 raise OutputError(f"{self.path}: belongs to the run into {self.path.parent}/: choose another folder")
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)

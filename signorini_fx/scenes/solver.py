@@ -30,7 +30,6 @@ def solve(
     *,
     check: bool = True,
     observers: Sequence[Callable[[Any], None]] = (),
-    on_level: Callable[[Solution], object] = lambda solution: None,
     on_progress: Callable[[Progress], object] | None = None,
     checkpoint: str | Path | None = None,
     restart: bool = False,
@@ -47,7 +46,6 @@ def solve(
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
         observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs, and with a
             ``StepRecord`` where one of several load steps begins.
-        on_level: called with the solution on each mesh but the last, before the next one is solved; collective.
         on_progress: called with where the solve is, at each step of a Krylov method; given on all ranks or on none.
         checkpoint: the result folder, in which every load step on every mesh is stored as soon as it is complete,
             until ``write_results`` writes the result there; None: nowhere. Needs a scene with contact and several load
@@ -70,7 +68,7 @@ def solve(
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
     history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
-    solution = _solved(scene, comm, history, on_level, checkpoint, restart=restart)
+    solution = _solved(scene, comm, history, checkpoint, restart=restart)
     if check and not solution.converged:
         raise ConvergenceError(solution)
     return solution
@@ -80,7 +78,6 @@ def _solved(
     scene: Scene,
     comm: MPI.Comm,
     history: History,
-    on_level: Callable[[Solution], object],
     checkpoint: str | Path | None,
     *,
     restart: bool,
@@ -99,11 +96,11 @@ def _solved(
         from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 
         budget = Budget.begins(scene.accuracy, comm, history)
-        return solve_to_accuracy(meshes_of(scene, scene.accuracy, comm, history), budget, history, on_level)
+        return solve_to_accuracy(meshes_of(scene, scene.accuracy, comm, history), budget, history)
     from signorini_fx.solving.nested import solve_nested
 
     meshes = [MeshedScene(comm=comm, history=history, scene=each) for each in (*coarse, scene)]
-    return solve_nested(meshes, len(meshes), comm, history, on_level, stored)
+    return solve_nested(meshes, len(meshes), comm, history, stored)
 
 
 def _checkpoint(

@@ -6,7 +6,7 @@ starts in the set of its coarse neighbours.  On every mesh but the coarsest only
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +33,6 @@ def solve_nested(
     count: int,
     comm: MPI.Comm,
     history: History,
-    on_level: Callable[[Solution], object] = lambda solution: None,
     stored: MeshCheckpoint | None = None,
 ) -> Solution:
     """Solve on one mesh after the other, each starting from the contact state of the previous one; collective.
@@ -69,8 +68,6 @@ def solve_nested(
         coarser = solved.as_level(coarser)
         if solution.converged:
             state, certified = solved.state, solution
-            if number + 1 < count:
-                on_level(solution)
         elif certified is not None and number + 1 == count:
             unsolved = Unsolved.by_outcome(solution.status, name)
         if solved.level is not None:

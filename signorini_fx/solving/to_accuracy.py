@@ -55,7 +55,6 @@ def solve_to_accuracy(
     meshes: Meshes,
     budget: Budget,
     history: History,
-    on_level: Callable[[Solution], object] = lambda solution: None,
 ) -> Solution:
     """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget ends; collective.
 
@@ -151,7 +150,6 @@ def solve_to_accuracy(
                     return Unsolved.by_error(failure, "to make the next mesh", comm).leaves(solution, history)
             if beyond is not None:
                 return beyond.leaves(solution, history)
-            on_level(solution)
         elif task is None or outcome is None or outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             reason = "the regularisation leaves more, and gamma is as large as double precision allows"
             return Unsolved(Status.OUT_OF_REACH, reason).leaves(solution, history)

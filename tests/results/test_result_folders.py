@@ -56,7 +56,7 @@ def scene(tmp_path):
 
 @pytest.mark.parametrize(
     "name",
-    ["history.csv", "report.html", "fields/a.txt", "checkpoint/deep/er.txt", "last_level/summary.json", "summary.json"],
+    ["history.csv", "report.html", "fields/a.txt", "checkpoint/deep/er.txt", "summary.json"],
 )
 def test_files_of_others(scene, tmp_path, monkeypatch, capsys, name):
     """They are named and stay, and nothing is solved."""
@@ -110,11 +110,9 @@ def test_a_manifest_of_others(solution, tmp_path, line):
 
 
 def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
-    """Its checkpoint, its last mesh and its hidden folders are known to the next run, which removes them."""
+    """Its checkpoint and its hidden folders are known to the next run, which removes them."""
     scene, out = parse_scene(tomllib.loads(SCENE)), tmp_path / "out"
     solution = solve(scene, SELF, checkpoint=out)
-    with ResultFolder(SELF, out / files.LAST_LEVEL, files.FILES, inner=True) as inner:
-        files.write_results(solution, inner, fields=False, pictures=False)
     manifest.begin_part(out / "checkpoint")
     (out / "checkpoint" / manifest.PART / "half").write_text("half")
     manifest.begin_part(out)

@@ -15,7 +15,6 @@ from signorini_fx.addons.report.page import write_report
 from signorini_fx.errors import OutputError, ResultError
 from signorini_fx.machine import manifest
 from signorini_fx.results import files
-from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scenes import sweep
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.reading import parse_scene
@@ -33,7 +32,7 @@ y = -0.01
 [[contact]]
 boundary = "bottom"
 """
-NAMES = ("a", "b", "results", "fields", "checkpoint", "last_level", "displacement", "0-00000")
+NAMES = ("a", "b", "results", "fields", "checkpoint", "displacement", "0-00000")
 STRANGERS = (
     *("notes.txt", "contact.csv", "summary.json", "history.csv", "sweep.csv", "report.html"),
     *(
@@ -41,8 +40,6 @@ STRANGERS = (
         "fields/a.vtu",
         "fields.vtu",
         "checkpoint/0-00000/mine.npz",
-        "last_level/summary.json",
-        "last_level/mine",
     ),
 )
 
@@ -94,7 +91,7 @@ class Tree:
     def grow(self, folder, depth):
         """Random results, strangers' files, links and half-written runs, in a folder and below it."""
         folder.mkdir(exist_ok=True)
-        for what in self.chance.sample(("result", "fields", "killed", "level", "part", "file", "link"), 3):
+        for what in self.chance.sample(("result", "fields", "killed", "part", "file", "link"), 3):
             self.put(folder, what)
         for name in self.chance.sample(NAMES, self.chance.randrange(3) if depth else 0):
             if not (folder / name).exists():
@@ -107,8 +104,6 @@ class Tree:
         elif what == "killed" and not any(folder.iterdir()):
             shutil.copytree(self.killed, folder, dirs_exist_ok=True)
             self.writer.update(dict.fromkeys(every(folder), folder))
-        elif what == "level":
-            self.run(folder, partial(write_level, self.solution))
         elif what == "part" and not (folder / manifest.PART).exists():
             manifest.begin_part(folder)
             (folder / manifest.PART / "half").write_text("half")
@@ -131,15 +126,6 @@ def write(solution, fields, folder):
     files.write_results(solution, folder, fields=fields, pictures=False)
 
 
-def write_level(solution, folder):
-    """The result of a coarser mesh, as a solve writes it."""
-    with (
-        ResultFolder(SELF, folder, (*files.FILES, *files.INNER)),
-        ResultFolder(SELF, folder / files.LAST_LEVEL, files.FILES, inner=True) as inner,
-    ):
-        files.write_results(solution, inner, fields=False, pictures=False)
-
-
 def report(folder):
     """The report of a result folder; a folder without a result has none."""
     try:
@@ -160,8 +146,6 @@ def killed(tmp_path_factory, solution):
     """What a run leaves that was killed after its first mesh."""
     folder = tmp_path_factory.mktemp("killed") / "out"
     solve(parse_scene(tomllib.loads(SCENE)), SELF, checkpoint=folder)
-    with ResultFolder(SELF, folder / files.LAST_LEVEL, files.FILES, inner=True) as inner:
-        files.write_results(solution, inner, fields=False, pictures=False)
     manifest.begin_part(folder)
     (folder / manifest.PART / "half").write_text("half")
     return folder

@@ -156,7 +156,7 @@ def start(tmp_path, *arguments, cells=200, **options):
 
 @pytest.mark.slow
 def test_interrupted(tmp_path):
-    """It says how far it got, and keeps the last complete mesh."""
+    """It says how far it got, and keeps what a restart goes on from."""
     with start(tmp_path) as process:
         for line in process.stdout:
             if "level 2" in line:
@@ -167,12 +167,8 @@ def test_interrupted(tmp_path):
     (line,) = errors.splitlines()
     assert line.startswith("signorini-fx: interrupted after ")
     assert line.endswith("; --restart goes on from what is complete")
-    assert f"the previous mesh is in {tmp_path / 'out' / files.LAST_LEVEL}/" in line
-    # The signal may come late: what counts is that the mesh before the one that is named is there.
-    mesh = int(re.search(r"on mesh (\d)", line)[1])
-    assert mesh >= 3
-    assert whole(tmp_path / "out" / files.LAST_LEVEL) == 200 // 2 ** (5 - mesh) + 1
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {files.LAST_LEVEL, CHECKPOINT, MANIFEST}
+    assert int(re.search(r"on mesh (\d)", line)[1]) >= 3
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {CHECKPOINT, MANIFEST}
 
 
 @pytest.mark.slow

@@ -18,7 +18,6 @@ from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION
 from signorini_fx.scenes.cli.grammar import changes, several_values
 
 if TYPE_CHECKING:
-    from signorini_fx.results.solution import Solution
     from signorini_fx.scenes.scene import Scene
 
 
@@ -66,7 +65,7 @@ def solve(options: argparse.Namespace) -> int:
     progress = _SolveProgress(path)
     scene = _read_scene(options)
     from signorini_fx.results import files
-    from signorini_fx.results.folder import ResultFolder
+    from signorini_fx.results.folder import CHECKPOINT, ResultFolder
     from signorini_fx.results.progress_line import ProgressLine
     from signorini_fx.results.solution import outcome
     from signorini_fx.results.summary import lines_of, short_answer, table_row
@@ -75,11 +74,6 @@ def solve(options: argparse.Namespace) -> int:
     fields = not options.no_fields
     if options.picture:
         add_on("pictures")
-
-    def write_level(solution: Solution) -> None:
-        with ResultFolder(comm, path / files.LAST_LEVEL, files.FILES, inner=True) as inner:
-            files.write_results(solution, inner, fields=fields, pictures=False)
-        progress.last_level = path / files.LAST_LEVEL
 
     line = ProgressLine()
 
@@ -93,7 +87,7 @@ def solve(options: argparse.Namespace) -> int:
     # Watched on all ranks or on none, shown by the first.
     watched = parallel.on_root(comm, lambda: not options.quiet and terminal.is_terminal(sys.stderr))
     try:
-        with ResultFolder(comm, path, (*files.FILES, *files.INNER)) as folder:
+        with ResultFolder(comm, path, (*files.FILES, CHECKPOINT)) as folder:
             older = parallel.on_root(comm, lambda: files.title_of_result(path))
             if older not in (None, scene.title) and not options.quiet:
                 parallel.log_on_root(comm, f"{path}: the result of another scene, {older!r}, will be replaced")
@@ -103,7 +97,6 @@ def solve(options: argparse.Namespace) -> int:
                     comm,
                     check=False,
                     observers=observers,
-                    on_level=write_level,
                     on_progress=line if watched else None,
                     checkpoint=path,
                     restart=options.restart,
@@ -138,7 +131,6 @@ class _SolveProgress:
         self.records: list[Any] = []
         self.solved = False
         self.is_written: Callable[[], bool] = lambda: False
-        self.last_level: Path | None = None
 
     def __str__(self) -> str:
         if self.is_written():
@@ -148,12 +140,11 @@ class _SolveProgress:
         meshes = sum(isinstance(record, str) and record.startswith("level ") for record in self.records)
         solves = sum(hasattr(record, "solve") for record in self.records)
         mesh = f" on mesh {meshes}" if meshes else ""
-        saved = f": the previous mesh is in {self.last_level}/" if self.last_level else ": no result is complete yet"
         from signorini_fx.results.folder import CHECKPOINT
 
         begun = (self._folder / CHECKPOINT).is_dir()
         advice = "; --restart goes on from what is complete" if begun else ""
-        return f" after {solves} linear solves,{mesh}{saved}{advice}".replace(",:", ":")
+        return f" after {solves} linear solves,{mesh}: no result is complete yet{advice}".replace(",:", ":")
 
 
 def sweep(options: argparse.Namespace) -> int:
