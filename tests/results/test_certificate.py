@@ -284,15 +284,6 @@ def test_bilateral_contact_where_a_support_holds_a_node(algorithm, offset):
         refused(judged(solution, statement=scene.statement.changed(contact=(other,))), "entered")
 
 
-def test_potential_energy():
-    """Without contact the loads do twice the work that is stored."""
-    scene = example1(nx=12, ny=4)
-    clamped = tuple(support.model_copy(update={"y": 0.0}) for support in scene.displacement)
-    certificate = alone(scene.model_copy(update={"displacement": clamped, "contact": ()})).certificate
-    assert certificate.strain_energy > 0
-    assert certificate.potential_energy == pytest.approx(-certificate.strain_energy, rel=1e-9)
-
-
 def test_load_steps_build_on_the_step_before():
     """Friction acts on the increment: with another step before, or none, the second step is refused."""
     scene = example1(coefficient=0.1, nx=30, ny=10, gamma="auto")

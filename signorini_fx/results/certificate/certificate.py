@@ -61,7 +61,6 @@ class Certificate:
         law: the contact law that was used for the check.
         strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without initial ones; None
             where forces are not linear in y.
-        potential_energy: the same, and that of what resists the displacement, without the work of the loads.
         unjudged: pieces of the mesh with loads that are round-off of the largest forces, of which nothing is known.
         lost: the residual of equilibrium that round-off of the forces may hide, see ``ForcesLeft``.
         placed: round-off of places X + u, at which contact is met, relative to the largest displacement.
@@ -82,7 +81,6 @@ class Certificate:
     stick_slip: float = 0.0
     law: Law = UNREGULARISED
     strain_energy: float | None = 0.0
-    potential_energy: float = 0.0
     unjudged: tuple[int, ...] = ()
     lost: float = 0.0
     placed: float = 0.0
@@ -178,8 +176,7 @@ def judged(
     y, x = nodal_displacements[: forces.owned], forces.at_nodes[: forces.owned, :dim]
     pieces = forces.pieces
     works = balance.works(y)
-    energy, stored, work, _ = map(float, works.sum(axis=0))
-    half, strain_energy = energy / 2, balance.strain_energy(works)
+    half, strain_energy = float(works[:, 0].sum()) / 2, balance.strain_energy(works)
     strained = max(half, strain_energy if balance.dilation is not None else 0.0)  # or its pressure takes of it
     scales, stiffest = balance.of_pieces(pieces)
     # Of the initial strains it is not known which piece they strain.
@@ -194,7 +191,6 @@ def judged(
         "displacement": float(far.max()) / balance.scales.size,
         "law": law,
         "strain_energy": None if balance.with_loads else strain_energy,
-        "potential_energy": strain_energy + stored / 2 - work,
     }
     volume = change_of_volume(balance, float(far.max()), strained)
     if tractions is None or contact is None:

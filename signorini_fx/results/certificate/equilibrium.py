@@ -56,17 +56,16 @@ class Balance:
     displaced: bool = False
 
     def works(self, y: Nodal) -> Nodal:
-        """What internal, resisting, external and initial forces do on displacements of the owned nodes, shape (n, d):
-        an energy for each piece, shape (pieces, 4); collective.
+        """What internal and initial forces do on displacements of the owned nodes, shape (n, d): an energy for each
+        piece, shape (pieces, 2); collective.
         """
-        parts = self.internal, self.resisted, self.external, self.initial
-        return self.surface.pieces.works(*(force * y for force in parts))
+        return self.surface.pieces.works(self.internal * y, self.initial * y)
 
     def strain_energy(self, works: Nodal) -> float:
         """The energy of the stress from ``works``: that of the strains, and what initial ones take of it; round-off is
         none.
         """
-        internal, _, _, expanding = map(float, works.sum(axis=0))
+        internal, expanding = map(float, works.sum(axis=0))
         prevented = self.prevented - expanding
         energy = internal / 2 + prevented
         return max(0.0, energy if energy > SAME_NUMBER * abs(internal / 2) or prevented == 0.0 else 0.0)
