@@ -197,33 +197,26 @@ BULK = (0.5, 0.75)
 
 # --- check: what a solve will cost -----------------------------------------------------------------------------------
 
-# Linear solves of one load step per log2 of the number of contact nodes, from and to, by friction.
-# Tuned on a sweep over Example 1 with 25 to 241 contact nodes.
-SOLVES_PER_DOUBLING = {"none": (0.6, 2.0), "tresca": (0.8, 3.0), "fp": (1.5, 6.0), "newton": (1.4, 4.5)}
-# Linear solves that the algorithm adds, from and to.  No record.
-MORE_SOLVES = {"continuation": (1, 3), "alm": (1, 5)}
-# Linear solves of a later load step, which starts from the sets of the previous one, at least; and of a finer mesh,
-# which starts from those of the coarser one, from and to.  No record.
-SOLVES_OF_LATER_STEP, SOLVES_OF_FINER_MESH = 2, (2, 5)
+# Linear solves of one load step per log2 of the number of contact nodes, from and to, with and without friction that
+# follows the pressure.  Tuned on a sweep over Example 1 with 25 to 241 contact nodes.
+SOLVES_OF_COULOMB, SOLVES_OF_SETS = (1.4, 6.0), (0.6, 3.0)
+# Linear solves that start from the sets of the previous load step, or of the coarser mesh, from and to.  No record.
+SOLVES_OF_START = (2, 5)
 # Entries of a sparse factor by dimension: n times the larger of the first and, in 2D, the second times (log2 n -
 # the third), in 3D the second times n^third.  Seconds of the factorisation: the first times n and the second times
 # n^1.5, in 3D n^2.  Nested dissection.
 # Tuned with CHOLMOD and MUMPS on one core; test_cost_model.py compares those of the plane with MUMPS's counts.
 FACTOR_ENTRIES = {2: (15.0, 7.6, 5.1), 3: (40.0, 9.0, 1 / 3)}
 FACTOR_SECONDS = {2: (1e-6, 3e-9), 3: (1e-6, 4e-10)}
-# Seconds of a back substitution, and of condensing, over those of a factorisation.  No record.
-BACK_SUBSTITUTION, CONDENSING = 0.1, 1.4
-# Dense Cholesky, operations a second, and seconds of the least step.  No record.
-DENSE_SPEED, DENSE_STEP_SECONDS = 2e10, 1e-4
-# Seconds per unknown: to set up multigrid, and of a solve, of which few are exact; with coarser meshes as its levels,
-# and by aggregation.  What multigrid holds over the stiffness matrix.  Tuned on the block of tests/support/spaces.py,
-# with
-# 316,899 unknowns, and with 6,075 and 42,483; see docs/evidence/multigrid_levels.csv.
-KRYLOV_SECONDS = {"meshes": (3e-6, 1.5e-6), "aggregation": (1.5e-5, 6e-6)}
-MULTIGRID_SHARE = 1.2
-# Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown, or a cell at least;
-# entries in a row of the stiffness matrix by dimension.  Source: 18 and 81 are those of Q1.  No record of the bytes.
-BASE_BYTES, BYTES_PER_DOF, ROW_ENTRIES = 1.4e8, 1.0e3, {2: 18, 3: 81}
+# Dense Cholesky, operations a second.  No record.
+DENSE_SPEED = 2e10
+# Seconds per unknown: to set up multigrid, and of a solve, of which few are exact.  Between those with coarser meshes
+# as levels, 3e-6 and 1.5e-6, and those by aggregation, 1.5e-5 and 6e-6, on the block of tests/support/spaces.py with
+# 6,075 to 316,899 unknowns; see docs/evidence/multigrid_levels.csv.
+KRYLOV_SECONDS = (7e-6, 3e-6)
+# Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown, or a cell at least.
+# No record.
+BASE_BYTES, BYTES_PER_DOF = 1.4e8, 1.0e3
 # Bytes more for each contact node of a body that is against another one, where contact widens the rows of the matrices:
 # peaks of solves in 3D with 1,764, 5,041 and 40,804 such nodes of degree 1 (193 to 202 kB), and 1,502 in 2D.
 PAIRED_BYTES = {2: 1.7e4, 3: 2.0e5}

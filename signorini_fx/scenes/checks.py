@@ -94,7 +94,7 @@ def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
 
     model, statement = linear_body(scene, comm, Timings()), scene.statement
     ProblemOfScene.of(statement, model, History())  # refuses what does not fit
-    cost = _newton_cost(estimated_cost(model, linear=False), statement.expected_steps)
+    cost = _newton_cost(estimated_cost(model), statement.expected_steps)
     inner = " with the contact problem of its tangent in each iteration" if statement.contact else ""
     kind = statement.kinematics_in(model.tagged.dimension).words
     strains = "finite" if statement.finite_strains else "small"

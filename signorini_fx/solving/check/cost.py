@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,29 +11,22 @@ from mpi4py import MPI
 from signorini_fx.algebra.linalg import choice
 from signorini_fx.algebra.linalg.factorisation import factor_entries
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
 from signorini_fx.results.accuracy.next_accuracy import next_refinement
 from signorini_fx.tuned import (
-    BACK_SUBSTITUTION,
     BASE_BYTES,
     BYTES_PER_DOF,
-    CONDENSING,
     DENSE_SPEED,
-    DENSE_STEP_SECONDS,
     FACTOR_SECONDS,
     KRYLOV_SECONDS,
     MEMORY_SHARE,
-    MORE_SOLVES,
-    MULTIGRID_SHARE,
     NEXT_ERROR,
     PAIRED_BYTES,
-    ROW_ENTRIES,
-    SOLVES_OF_FINER_MESH,
-    SOLVES_OF_LATER_STEP,
-    SOLVES_PER_DOUBLING,
+    SOLVES_OF_COULOMB,
+    SOLVES_OF_SETS,
+    SOLVES_OF_START,
 )
 
 
@@ -76,27 +68,20 @@ def contact_nodes(model: Model) -> int:
     return int(parallel.global_sum(model.boundary.comm, np.array(np.unique(model.boundary.nodes).size)))
 
 
-def friction_kind(statement: Statement, contacts: Sequence[Contact]) -> str:
-    """The key of ``SOLVES_PER_DOUBLING`` with the friction of these contacts."""
-    if any(contact.coulomb for contact in contacts):
-        return "newton" if statement.solver.coulomb == "newton" else "fp"
-    return "tresca" if any(contact.friction.acts for contact in contacts) else "none"
-
-
-def linear_solves(statement: Statement, kind: str, nodes: int, *, steps: int = 1, levels: int = 1) -> tuple[int, int]:
-    """Linear solves to expect, from and to; ``kind`` is a key of ``SOLVES_PER_DOUBLING``."""
+def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
+    """Linear solves to expect, from and to."""
+    steps, finer = statement.expected_steps, statement.solver.levels - 1
     if not statement.contact:
-        return steps * levels, steps * levels
-    extras = MORE_SOLVES.get(statement.solver.algorithm, (0, 0))
-    size = math.log2(max(nodes / 2 ** (levels - 1), 4))
-    low, high = (round(factor * size) + extra for factor, extra in zip(SOLVES_PER_DOUBLING[kind], extras, strict=True))
+        return steps * (1 + finer), steps * (1 + finer)
+    size = math.log2(max(nodes / 2**finer, 4))
+    coulomb = any(contact.coulomb for contact in statement.contact)
+    low, high = (round(factor * size) for factor in (SOLVES_OF_COULOMB if coulomb else SOLVES_OF_SETS))
     # A later load step starts from the sets of the previous one, a finer mesh from those of the coarser one.
-    low, high = low + SOLVES_OF_LATER_STEP * (steps - 1), high * steps
-    least, greatest = SOLVES_OF_FINER_MESH
-    return low + least * (levels - 1) * steps, high + greatest * (levels - 1) * steps
+    least, greatest = SOLVES_OF_START
+    return low + least * (steps - 1 + finer * steps), high * steps + greatest * finer * steps
 
 
-def estimated_cost(model: Model, *, linear: bool = True) -> Cost:
+def estimated_cost(model: Model) -> Cost:
     """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
     of both.
     """
@@ -106,25 +91,17 @@ def estimated_cost(model: Model, *, linear: bool = True) -> Cost:
     dim = model.tagged.dimension
     entries = factor_entries(n, dim)
     factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
-    friction = friction_kind(model.statement, model.statement.contact)
-    solves = linear_solves(
-        model.statement, friction, nodes, steps=model.statement.expected_steps, levels=model.statement.solver.levels
-    )
-    matrix = 12.0 * ROW_ENTRIES[dim] * n
+    solves = linear_solves(model.statement, nodes)
+    matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries
     kind, reason = choice.choose_kind(model.system_size(), model.statement.solver.linear_algebra)
     dense, held = 0, 12.0 * entries
     if kind == "krylov":
-        rates = KRYLOV_SECONDS["meshes" if model.statement.solver.levels > 1 else "aggregation"]
-        once, per_solve, held = rates[0] * n, rates[1] * n, MULTIGRID_SHARE * matrix
+        once, per_solve, held = KRYLOV_SECONDS[0] * n, KRYLOV_SECONDS[1] * n, matrix
     elif kind == "condensed":
         dense = dim * nodes
-        once, per_solve = CONDENSING * factorisation, dense**3 / 3 / DENSE_SPEED + DENSE_STEP_SECONDS
+        once, per_solve = factorisation, dense**3 / 3 / DENSE_SPEED
     elif model.boundary is None:
-        reason, once, per_solve = (
-            "one factorisation for all load steps",
-            factorisation,
-            BACK_SUBSTITUTION * factorisation,
-        )
+        reason, once, per_solve = "one factorisation for all load steps", factorisation, FACTOR_SECONDS[dim][0] * n
     else:
         once, per_solve = 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~model.fixed))))
