@@ -58,7 +58,8 @@ GAMMA_GROWTH = 10.0
 # nodes once.  In 2D tuned on Example 1 with 24 x 8 to 72 x 24 cells, no record: times are equal at 1,300.  In
 # space, docs/evidence/linear_algebra_in_space.csv.
 FEWEST_CONDENSED_UNKNOWNS = 1_500
-# Memory is the limit: three dense matrices of this many unknowns take 0.6 GB.
+# Memory is the limit: three dense matrices of this many unknowns take 0.6 GB.  Of as many each of several ranks has the
+# whole factor: with 3,900 it takes as long on two ranks as on one, and each solve twice as long.
 MOST_CONDENSED_UNKNOWNS = 5_000
 # Of a nonlinear body in 3D those contact points are condensed onto that are in contact, or nearer to their shapes
 # than this many times the largest motion to be expected.  The answers do not depend on it: where another one touches,
@@ -85,9 +86,6 @@ KRYLOV_STEPS = 1000
 # A mesh is a level of multigrid for another one whose cells are between these many times smaller: more levels of
 # nearly the same size cost more than they help, and smoothing cannot bridge more.  Choice.
 FINER_LEVELS = (1.5, 3.0)
-# On several ranks each rank has the whole factor of so few unknowns of contact.  Measured: with 3,900 of them a factor
-# takes as long on two ranks as on one, and each solve twice as long.
-MOST_REPLICATED_UNKNOWNS = 10_000
 
 # --- nested iteration ------------------------------------------------------------------------------------------------
 
@@ -147,7 +145,8 @@ FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6
 SLOWEST_DECREASE = 0.95
 # Sparse factors, by dimension: in 2D time between n for all else and n^1.5, memory n log n; in 3D time
 # between n and n^2, memory n^(4/3).  Tuned on docs/evidence/prediction.csv, in 3D on its block.
-TIME_POWER, MEMORY_POWER = {2: 1.2, 3: 1.6}, {2: 1.1, 3: 1.3}
+TIME_POWER = {2: 1.2, 3: 1.6}
+MEMORY_POWER = {2: 1.1, 3: 1.3}
 # At least this share of the time is taken to grow: the previous mesh may have had a cold start, or a busy machine.
 # Tuned by the same.
 LEAST_GROWING_TIME = 0.25
@@ -179,15 +178,17 @@ MOST_UNIFORM_UNKNOWNS = 2.5e6
 # Generated meshes begin with cells this many times as large as those of the scene; quadratic ones with as many
 # unknowns. Choice, by degree.
 COARSER_START = {1: 4, 2: 8}
-# Estimates are multiplied by this, by quantity and degree, and all others by the second: what they may be too small by.
+# Estimates are multiplied by this, that of the displacement, by degree, by the second: what they may be too small by.
 # Source: docs/evidence/effectivity.csv, where they are, displacement 0.79 to 1.14, pressure 0.50 to 1.85.
-MARGIN, MARGIN_OF_OTHERS = {("energy", 1): 1.7, ("energy", 2): 1.4}, 2.0
+MARGIN = 2.0
+MARGIN_OF_ENERGY = {1: 1.7, 2: 1.4}
 # Share of the allowed error that the regularisation may take.  Choice.
 REGULARISATION_SHARE = 0.2
 # By dimension: a mesh is at most this many times finer than the previous one, whose contact state is its start and
 # whose rates are used; twice as fine has eight times the unknowns in 3D.  Where meshes are compared it is at least
 # this much finer, because small changes mean little.  No record.
-LARGEST_JUMP, SMALLEST_JUMP = {2: 4.0, 3: 2.0}, 1.5
+LARGEST_JUMP = {2: 4.0, 3: 2.0}
+SMALLEST_JUMP = 1.5
 # The smallest rate with which the pressure's error at a corner is taken to decrease with h, and the divisions between
 # two solves.  Fixed on the random scenes, seed 1, with contact up to a corner.
 CORNER_RATE, CORNER_DIVISIONS = 0.25, 4
@@ -277,9 +278,8 @@ NO_FORCE = 1e-8
 # Drawings and files have few digits, and so has the place of a point in a cell: points are one, faces plane and
 # directions parallel within this share of their size or this angle in radians.  Choice: single precision.
 DIGITS_OF_FILES = 1e-6
-# Numbers of a scene are between these, in any units, or energies and forces overflow.  Choice.
+# Numbers of a scene are between this and its inverse, in any units, or energies and forces overflow.  Choice.
 LARGEST_NUMBER = 1e60
-SMALLEST_NUMBER = 1 / LARGEST_NUMBER
 
 # Steps at most of iterations that end long before: Newton's, and by projections, for places on curves and in cells, for
 # balances and for chi, and meshes until an accuracy is reached.  Choice.
@@ -348,7 +348,8 @@ FAR_GAP = 10.0
 # --- derivatives and friction laws of users --------------------------------------------------------------------------
 
 # Change of a datum or a Constant for a difference of residuals, relative to it, or to the natural unit of one that is
-# zero, and strain for a difference of energies.  Choice: the cube root of the unit of round-off is best for central
+# zero, strain for a difference of energies, share of displacement and tractions for one of a quantity, and share of the
+# size of the body for one of distances and normals.  Choice: the cube root of the unit of round-off is best for central
 # differences.
 DIFFERENCE_STEP = 1e-5
 # Constants of forms: half widths from which the limit is extrapolated.  Choice: smooth data settle after three to five
@@ -356,9 +357,6 @@ DIFFERENCE_STEP = 1e-5
 WIDEST_DIFFERENCE, WIDTHS_OF_DIFFERENCE = 1e-2, 6
 # A displacement that would be magnified by no more than this is drawn as it is.  Choice.
 SEEN_AS_IT_IS = 2.5
-# Share of displacement and tractions by which they are changed for a difference of a quantity of a user's own.  Choice:
-# sums of powers of pressures, which are the steepest of the package, are smooth over it.
-QUANTITY_CHANGE = 1e-4
 # What a law of a user's own says of itself is tried at about so many of its points, from this power of ten of the
 # modulus up to the modulus, at so many pressures in each decade.  It may be wrong by this share of
 # the slopes of its chords between neighbouring pressures, and by so much less a distance of a shape may grow along its
@@ -374,16 +372,15 @@ SHORTENED_IF_LOOSE, SHORTENED_AT_MOST = 4.0, 30.0
 
 # --- limits of time and memory ---------------------------------------------------------------------------------------
 
-# Seconds that may pass until the first rank has ended one with the same error, and until a rank that may have an error
-# later has it.  Choice.
-END_PATIENCE, ERROR_PATIENCE = 1.0, 30.0
-# Seconds of waiting for the lock of a compilation without a word.  Choice.
-LOCK_SILENCE = 10.0
+# Seconds that may pass until the first rank has ended one with the same error.  Choice.
+END_PATIENCE = 1.0
+# Seconds until a rank that may have an error later has it, and of waiting for a lock without a word.  Choice.
+PATIENCE = 30.0
 # Seconds between two changes of the line of progress, and two attempts to get a lock.  Choice.
 PROGRESS_PAUSE = 0.2
-# FEniCSx with its libraries takes 0.6 GB of address space before it computes anything, of which 0.25 GB are data; with
-# less memory its libraries wait for ever, or end the process.  Bytes, with a margin.
-ADDRESS_SPACE, DATA_SEGMENT = 1.0e9, 0.5e9
+# FEniCSx with its libraries takes 0.6 GB of address space before it computes anything; with less memory its libraries
+# wait for ever, or end the process.  Bytes, with a margin.
+LEAST_MEMORY = 1.0e9
 
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
@@ -407,9 +404,9 @@ FACET_SAMPLES = 5
 LONGEST_FACET, MOST_MESHINGS = 1.4, 3
 # Reference coordinates within which the place of a point in a cell is sought.  Choice.
 REFERENCE_BOUNDS = -1.0, 2.0
-# A point outside the convex hull of those of a table is moved towards their middle by these shares of its distance: for
-# round-off, and for a curved boundary between the nodes of another mesh.  Choice.
-OUTSIDE_HULL = (1e-9, 0.02)
+# A point outside the convex hull of those of a table is moved towards their middle by this share of its distance, for a
+# curved boundary between the nodes of another mesh.  Choice.
+OUTSIDE_HULL = 0.02
 
 # --- decks -----------------------------------------------------------------------------------------------------------
 
@@ -443,9 +440,6 @@ FACETS_OF_KEPT_PARTNERS = 0.5
 CERTIFICATE_TOLERANCE = 1e-6
 # With fewer nodes in contact neither the ends of the zone nor the largest pressure are reliable.  No record.
 FEW_NODES = 8
-# What a penalty makes of round-off counts as at most this many times the mean stress, in bodies that are not without
-# stress: NEGLIGIBLE of it is allowed.  Choice.
-ABOVE_THE_MEAN = 1e3
 # Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.  Choice.
 LOST_UNITS = 100.0
 # Units in the last place of the largest coordinate that distances and lengths of sides may lose.  Choice: of scenes 1e6
@@ -458,11 +452,6 @@ CLOSED_BOUNDARY = 0.01
 BESIDE_VERTEX = 1.01
 # Angles within a body that differ by less than these degrees are equal.  Choice.
 SAME_ANGLE = 1.0
-
-# --- uniqueness ------------------------------------------------------------------------------------------------------
-
-# Share of the critical coefficient that is proved: what the eigenvalue is allowed to be wrong by.  Choice.
-PROVED_SHARE = 1 - 1e-6
 
 # --- pictures: sizes and when a thing is drawn -----------------------------------------------------------------------
 
@@ -528,9 +517,6 @@ NEWTON_SOLVES = (5, 18)
 FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
 # What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
 MOST_TURNED = -0.5
-# Differences of distances and normals of shapes are taken over this share of the size of the body, those of laws over
-# this share of the pressure.  Choice, from round-off.
-NORMAL_DIFFERENCE = 1e-6
 # Below this relative difference of two stretches squared a series takes the place of powers of both: their difference
 # loses as many digits as the series leaves out.  Choice, from both errors.
 EQUAL_STRETCHES = 0.01
@@ -574,10 +560,8 @@ TRIED_STRAINS = (0.0, 1e-3, 0.02, 0.2)
 
 # Nodes of a result are those of the problem up to this share of its size: print of six digits.
 JUDGED_SAME_PLACE = 1e-5
-# Digits of print that are needed: three leave 1e-2 of the energy norm.
+# Digits of print that are needed: three leave 1e-2 of the energy norm.  So many have times, too.
 JUDGED_DIGITS = 4
-# The last increment of a result ends with the step up to this share of its time.  Choice.
-JUDGED_SAME_TIME = 1e-4
 # Factors of units in powers of ten: a thousand, but no load or modulus that is tried.
 JUDGED_UNITS = 2.5
 # Numbers on the next mesh up to which it is solved for the error on the mesh of a result: half a minute in 3D.

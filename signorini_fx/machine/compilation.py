@@ -25,7 +25,7 @@ from typing import Any
 
 from signorini_fx.errors import MachineError
 from signorini_fx.machine import signals
-from signorini_fx.tuned import LOCK_SILENCE, PROGRESS_PAUSE
+from signorini_fx.tuned import PATIENCE, PROGRESS_PAUSE
 
 _LOCKS = ".signorini_fx.locks"
 # What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may hold thousands.
@@ -93,7 +93,7 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, byte)
         except OSError:
-            if not announced and time.monotonic() - begin > LOCK_SILENCE:
+            if not announced and time.monotonic() - begin > PATIENCE:
                 from signorini_fx.machine import terminal
 
                 terminal.say("waiting for another process, which compiles the same form", error=True)

@@ -6,7 +6,7 @@ import resource
 from importlib.util import find_spec
 
 from signorini_fx.errors import InstallationError, MachineError
-from signorini_fx.tuned import ADDRESS_SPACE, DATA_SEGMENT
+from signorini_fx.tuned import LEAST_MEMORY
 
 FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")
 
@@ -20,15 +20,12 @@ def check_fenicsx() -> None:
 
 def check_machine() -> None:
     """Raise ``MachineError`` if a limit leaves too little memory to start."""
-    for limit, needed, option in (
-        (resource.RLIMIT_AS, ADDRESS_SPACE, "-v"),
-        (resource.RLIMIT_DATA, DATA_SEGMENT, "-d"),
-    ):
+    for limit, option in ((resource.RLIMIT_AS, "-v"), (resource.RLIMIT_DATA, "-d")):
         allowed, _ = resource.getrlimit(limit)
-        if allowed != resource.RLIM_INFINITY and allowed < needed:
+        if allowed != resource.RLIM_INFINITY and allowed < LEAST_MEMORY:
             raise MachineError(
                 f"the memory of each process is limited to {allowed / 1e6:.0f} MB (ulimit {option}): "
-                f"at least {needed / 1e6:.0f} MB are needed, raise the limit"
+                f"at least {LEAST_MEMORY / 1e6:.0f} MB are needed, raise the limit"
             )
 
 

@@ -42,7 +42,7 @@ from signorini_fx.tuned import (
     LEFT_BY_SOLVES,
     MANY_STEPS,
     MARGIN,
-    MARGIN_OF_OTHERS,
+    MARGIN_OF_ENERGY,
     MEMORY_SHARE,
     POLYGON_ERRORS,
     REGULARISATION_SHARE,
@@ -103,7 +103,7 @@ def solve_to_accuracy(
         solution = last = replace(solution, levels=tuple(levels), convergence_table=tuple(rows))
         regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
         estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
-        margin = MARGIN.get((goal.of, degree), MARGIN_OF_OTHERS)
+        margin = MARGIN_OF_ENERGY[degree] if goal.of == "energy" else MARGIN
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= (2 if goal.of in ("energy", "pressure") else 3)
         certified = goal.certified and (len(levels) == 1 or error + regularisation <= goal.target)

@@ -40,7 +40,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.quantities.differentiable import ContactForce
 from signorini_fx.quantities.functional import Functional
 from signorini_fx.results.step_frames import turned
-from signorini_fx.tuned import NEGLIGIBLE, QUANTITY_CHANGE, ROOT_OF_EPS
+from signorini_fx.tuned import DIFFERENCE_STEP, NEGLIGIBLE, ROOT_OF_EPS
 
 Array = npt.NDArray[np.float64]
 # The derivatives by a datum of what of a load step depends on it explicitly, with those of some quantities.
@@ -151,7 +151,7 @@ class SolvedStep:
         row, slopes = of.by_displacement(y), of.by_traction(boundary, tractions[:, 0], tractions[:, 1:])
         local = np.sum(boundary.weight[:, None] * slopes * share)
         local += 0.0 if row is None else row @ motion.x.array[: row.size]
-        claimed, width = float(parallel.global_sum(boundary.comm, np.array(local))), QUANTITY_CHANGE
+        claimed, width = float(parallel.global_sum(boundary.comm, np.array(local))), DIFFERENCE_STEP
         difference, now = (value(width) - value(-width)) / (2 * width), value(0.0)
         allowed = NEGLIGIBLE * max(abs(claimed), abs(difference)) + ROOT_OF_EPS * abs(now)
         if not abs(claimed - difference) <= allowed:

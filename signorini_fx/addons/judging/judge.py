@@ -24,9 +24,8 @@ from signorini_fx.tuned import (
     JUDGED_FINEST,
     JUDGED_INCREMENTS,
     JUDGED_LEFT,
-    JUDGED_SAME_TIME,
     JUDGED_UNITS,
-    MARGIN_OF_OTHERS,
+    MARGIN,
     NEGLIGIBLE,
     NOTABLE,
 )
@@ -79,7 +78,7 @@ def _unusable(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str, str]:
     if theirs.digits is not None and theirs.digits < JUDGED_DIGITS:
         return NOT_TOLD, f"it is printed with {theirs.digits} digits, of which {JUDGED_DIGITS} at least are needed"
     ends = theirs.time, problem.time
-    if ends[0] is not None and ends[1] is not None and not np.isclose(ends[0], ends[1], rtol=JUDGED_SAME_TIME):
+    if ends[0] is not None and ends[1] is not None and not np.isclose(ends[0], ends[1], rtol=10.0**-JUDGED_DIGITS):
         return ANOTHER, f"it ends at time {ends[0]:g}, and the problem at {ends[1]:g}"
     return "", ""
 
@@ -142,10 +141,10 @@ class _Judging:
             size, stress = ours.norm(ours.displacement), ours.solution.known_stress
             if stress is None or not stress.error:
                 raise NotJudgedError("the error of our own solution is not known")
-            return size, MARGIN_OF_OTHERS * float(stress.error) * size, distance
+            return size, MARGIN * float(stress.error) * size, distance
         on_finer = finer.norm(ours.on_finer(ours.displacement) - finer.displacement)
         theirs = finer.norm(ours.on_finer(v) - finer.displacement)
-        return finer.norm(finer.displacement), MARGIN_OF_OTHERS * on_finer, min(distance, theirs)
+        return finer.norm(finer.displacement), MARGIN * on_finer, min(distance, theirs)
 
     def verdict(self) -> tuple[str, str]:
         """The word and its reason."""

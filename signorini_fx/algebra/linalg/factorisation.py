@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import FACTOR_ENTRIES, MEMORY_SHARE, MOST_REPLICATED_UNKNOWNS
+from signorini_fx.tuned import FACTOR_ENTRIES, MEMORY_SHARE, MOST_CONDENSED_UNKNOWNS
 
 
 @cache
@@ -96,7 +96,7 @@ def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:
     factor.
     """
     comm = pc.comm.tompi4py()
-    alone = comm.size > 1 and (unknowns <= MOST_REPLICATED_UNKNOWNS or not can_factorise(comm))
+    alone = comm.size > 1 and (unknowns <= MOST_CONDENSED_UNKNOWNS or not can_factorise(comm))
     kind = factor_type(symmetric=symmetric)
     package = factorisation_package(MPI.COMM_SELF if alone else comm, symmetric=symmetric)
     if not alone:

@@ -24,7 +24,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion
 from signorini_fx.mechanics.statement.rigid_shape import Shape, distance_from, turning
-from signorini_fx.tuned import MOST_TURNED, NEGLIGIBLE, NORMAL_DIFFERENCE
+from signorini_fx.tuned import DIFFERENCE_STEP, MOST_TURNED, NEGLIGIBLE
 
 Array = npt.NDArray[np.float64]
 
@@ -106,7 +106,7 @@ class MovingShape:
         """The second derivatives of the distance, 1 / length, shape (n, d, d), by central differences of the normal
         over a share of the ``size`` of the body.
         """
-        dimension, step = places.shape[1], NORMAL_DIFFERENCE * size
+        dimension, step = places.shape[1], DIFFERENCE_STEP * size
         hessian = np.zeros((len(places), dimension, dimension))
         for k, axis in enumerate(step * np.eye(dimension)):
             ahead, behind = (self.shape.distance(places + sign * axis)[1] for sign in (1, -1))
@@ -175,7 +175,7 @@ def turning_of(state: ContactState, size: float) -> Array:
         along = np.einsum("ni,ni->n", slip, shear) >= (1 - NEGLIGIBLE) * far * strong
         turns = np.flatnonzero(along & state.in_contact & (state.direction != 0.0).any(axis=1) & (far > 0.0))
         across = np.column_stack((-slip[turns, 1], slip[turns, 0])) / far[turns, None]
-        rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], NORMAL_DIFFERENCE * size)
+        rate = boundary.weight[turns] * strong[turns] / np.maximum(far[turns], DIFFERENCE_STEP * size)
         blocks[turns, 1:, 1:] = rate[:, None, None] * np.einsum("ni,nj->nij", across, across)
     return blocks
 

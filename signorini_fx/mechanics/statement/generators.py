@@ -14,16 +14,16 @@ from pydantic import AfterValidator, ConfigDict, validate_call
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
-from signorini_fx.tuned import BYTES_PER_DOF, LARGEST_NUMBER, SMALLEST_NUMBER
+from signorini_fx.tuned import BYTES_PER_DOF, LARGEST_NUMBER
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 
 def _length(length: float) -> float:
-    if not SMALLEST_NUMBER < length < LARGEST_NUMBER:
+    if not 1 / LARGEST_NUMBER < length < LARGEST_NUMBER:
         raise ValueError(
-            f"a positive length between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g} is expected, got {length:g}"
+            f"a positive length between {1 / LARGEST_NUMBER:g} and {LARGEST_NUMBER:g} is expected, got {length:g}"
         )
     return length
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import SceneError
-from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, ROOT_OF_EPS
+from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, ROOT_OF_EPS, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class PointValues:
         middle, function = _table(self.file, changed)
         at = x[: middle.size].T
         values = np.asarray(function(at), dtype=np.float64)
-        for share in OUTSIDE_HULL:
+        for share in (SAME_LENGTH, OUTSIDE_HULL):
             outside = np.isnan(values)
             values[outside] = function(middle + (1 - share) * (at[outside] - middle))
         if np.isnan(values).any():

@@ -31,7 +31,7 @@ from signorini_fx.mechanics.statement.base import problems_of, refused
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion, TimedAngle, TimedVector
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
-from signorini_fx.tuned import NORMAL_DIFFERENCE, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
+from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
 
@@ -313,7 +313,7 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
     """
     if is_of_package(type(shape)):
         return ""
-    name, step, x = type(shape).__name__, NORMAL_DIFFERENCE * size, x.copy()
+    name, step, x = type(shape).__name__, DIFFERENCE_STEP * size, x.copy()
     x.flags.writeable = False  # a shape that changes its argument moves the points of others
     try:
         signed, normal = (np.asarray(values, dtype=np.float64) for values in shape.distance(x))

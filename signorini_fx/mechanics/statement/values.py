@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.tuned import LARGEST_NUMBER, SMALLEST_NUMBER
+from signorini_fx.tuned import LARGEST_NUMBER
 
 _LONGEST_SHOWN = 200
 
@@ -72,8 +72,8 @@ def bounded(number: float) -> float:
     """
     if abs(number) > LARGEST_NUMBER:
         limit = f"larger than {LARGEST_NUMBER:g}, or forces and energies overflow: take other units"
-    elif 0 < abs(number) < SMALLEST_NUMBER:
-        limit = f"smaller than {SMALLEST_NUMBER:g}, or forces and energies vanish: take other units, or 0"
+    elif 0 < abs(number) < 1 / LARGEST_NUMBER:
+        limit = f"smaller than {1 / LARGEST_NUMBER:g}, or forces and energies vanish: take other units, or 0"
     else:
         return number
     raise ValueError(f"must not be {limit}, got {shown(number)}")

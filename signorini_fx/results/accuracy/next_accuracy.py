@@ -23,7 +23,7 @@ from signorini_fx.tuned import (
     LOCAL_GROWTH,
     LOCAL_SPREAD,
     MARGIN,
-    MARGIN_OF_OTHERS,
+    MARGIN_OF_ENERGY,
     MESHES_TIMES,
     MOST_UNIFORM_UNKNOWNS,
     NEXT_ERROR,
@@ -164,7 +164,8 @@ def next_cost(
     """
     (dofs, last), following = solved[-1], NEXT_ERROR[tagged.dimension] * error
     refinement = next_refinement(statement, tagged, of, dofs, able=able)
-    target = f"{min(following * MARGIN.get((of, refinement.degree), MARGIN_OF_OTHERS), 0.99):.2g}"
+    margin = MARGIN_OF_ENERGY[refinement.degree] if of == "energy" else MARGIN
+    target = f"{min(following * margin, 0.99):.2g}"
     command = f"--accuracy {target}" + (f" --of {of}" if of != "energy" else "")
     if statement.units is None:  # of forms
         more = {"of": of} if of != "energy" else {}

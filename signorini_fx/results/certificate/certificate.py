@@ -23,7 +23,7 @@ from signorini_fx.results.certificate.contact_nodes import ContactConditions, Co
 from signorini_fx.results.certificate.equilibrium import Balance, PieceScales, change_of_volume, equilibrium, share
 from signorini_fx.results.certificate.law_of_method import UNREGULARISED, Law, PreviousStep, Tractions
 from signorini_fx.results.certificate.supports import PrescribedNodes
-from signorini_fx.tuned import ABOVE_THE_MEAN, CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE
 
 if TYPE_CHECKING:
     from signorini_fx.results.certificate.nodal_forces import NodalForces
@@ -241,7 +241,7 @@ def judged(
     penalty = terms * max((gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0)
     # With a larger gamma nothing is known of the tractions.  Those of a body without stress are the method's round-off.
     strains = mean > LOST_UNITS * NO_FORCE * moduli * reach / sizes
-    penalty = np.where(strains, np.minimum(penalty, ABOVE_THE_MEAN * mean), np.maximum(penalty, terms * law.penalty))
+    penalty = np.where(strains, np.minimum(penalty, mean / NEGLIGIBLE), np.maximum(penalty, terms * law.penalty))
     # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of a body at rest, too.
     farthest = max(parallel.largest(comm, np.linalg.norm(x, axis=1), 0.0), float(sizes.max()))
     placed = np.full_like(terms, NO_FORCE * farthest) if balance.displaced or reach == 0 else np.zeros_like(terms)

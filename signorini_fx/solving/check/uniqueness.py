@@ -35,7 +35,7 @@ from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.records import Finding
-from signorini_fx.tuned import NOTHING_LEFT, PROVED_SHARE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTHING_LEFT
 
 # How often the largest eigenvalue is evaluated.
 _EVALUATIONS = 60
@@ -196,10 +196,10 @@ def _critical(rough: _Rough, coefficient: Nodal) -> tuple[float, str]:
     options = {"initial_simplex": start, "maxfev": _EVALUATIONS}
     best = minimize(largest, start[0], method="Nelder-Mead", options=options)
     left_side, right = matrices(best.x)
-    multiple = float(np.exp(-best.fun))
-    if not _definite(left_side - multiple * PROVED_SHARE * right):
+    multiple = (1 - CERTIFICATE_TOLERANCE) * float(np.exp(-best.fun))
+    if not _definite(left_side - multiple * right):
         return 0.0, "round-off hides it"
-    return multiple * PROVED_SHARE, ""
+    return multiple, ""
 
 
 def _definite(matrix: Nodal) -> bool:
