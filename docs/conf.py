@@ -24,10 +24,10 @@ _PACKAGE = (_ROOT / "signorini_fx" / "__init__.py").read_text(encoding="utf-8")
 sys.path[:0] = [str(_ROOT), str(_ROOT / "docs")]
 
 from percent import as_markdown  # noqa: E402  # in this folder
+from quantities import markdown  # noqa: E402
 
 import signorini_fx  # noqa: E402
 from signorini_fx.extensions import ADD_ONS  # noqa: E402
-from signorini_fx.quantities.quantity import markdown  # noqa: E402
 
 project = "signorini_fx"
 release = re.search(r'__version__ = "(.+)"', _PACKAGE)[1]

@@ -19,7 +19,6 @@ from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.mechanics_of_forms import NO_STRESS
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -135,11 +134,6 @@ class ContactProblem(ProblemOfForms):
     def certificate(self) -> Certificate | None:
         """The check of the last solution against the conditions of the problem; None before the first solve."""
         return self.assembled.certificate
-
-    @property
-    def deformation(self) -> Deformation | None:
-        """How much the body is deformed in the last solution; None before the first solve."""
-        return self.assembled.deformation
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

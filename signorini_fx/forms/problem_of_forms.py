@@ -11,10 +11,8 @@ from signorini_fx.forms.solver import FormSolver
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.records import History
-from signorini_fx.results.contact_fields import BoundaryFields
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.contact_points.contact_table import ContactTable
     from signorini_fx.results.solution import Solution
 
 
@@ -67,31 +65,6 @@ class ProblemOfForms:
             RuntimeError: there is none so far.
         """
         return self.titled("")
-
-    def table(self) -> ContactTable:
-        """The contact boundary of all ranks, the same on each: positions, gaps, displacements, pressures,
-        shears, slips, and the states as words; collective.
-
-        Raises:
-            RuntimeError: there is no solution so far.
-        """
-        return self.solution.table
-
-    def boundary_fields(self, number: int | None = None) -> BoundaryFields:
-        """The fields of the last solution on a mesh of the contact boundary, in new Functions; collective.
-
-        Args:
-            number: of the foundation in ``contact``; None: all of them, of which at a node of two the later one counts.
-
-        Raises:
-            RuntimeError: there is no solution so far.
-            ValueError: there is no such foundation.
-        """
-        return self.solution.boundary_fields(number)
-
-    def plot(self, *fields: str) -> Any:
-        """Pictures that a notebook displays, see ``Solution.plot``; collective."""
-        return self.solution.plot(*fields)
 
     def write(
         self,

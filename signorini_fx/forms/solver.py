@@ -28,7 +28,6 @@ from signorini_fx.forms.stress import modulus_of_energy, natural_modulus
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
-from signorini_fx.mechanics.body.deformation import Deformation
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -80,7 +79,6 @@ class FormSolver:
         u, bcs, settings, history, status, certificate, tools: see ``ContactProblem``.
         forms: what is assembled.
         options: the prefix of PETSc's options, and options without it.
-        deformation: of the last solution, beside the limit of the settings.
         result: the last solution as a load step of the user's own loop, or of a path; None: there is none, or none that
             this certifies.
         data: of the foundations at the nodes, as they are now.
@@ -124,7 +122,6 @@ class FormSolver:
         self.solves_before = 0
         self.status: Status | None = None
         self.certificate: Certificate | None = None
-        self.deformation: Deformation | None = None
         self.result: StepResult | None = None
         self.tools: tuple[RigidBodyMotion, ...] = ()
         self.previous_step: PreviousStep | None = None
@@ -243,11 +240,11 @@ class FormSolver:
             unknowns, rest = outcome.displacement(), self.task.rest
             displacement = self.elastic.from_rest(rest, unknowns)
             self.tools = self.rigid.moved(self.elastic.driven(unknowns, rest))
-            self.status, self.certificate, self.deformation = outcome.status, None, None
+            self.status, self.certificate = outcome.status, None
         else:
             result.displacement.name = self.u.name
             displacement, self.tools = result.displacement, result.tools
-            self.status, self.certificate, self.deformation = result.status, result.certificate, result.deformation
+            self.status, self.certificate = result.status, result.certificate
         shown = None if result is None else result.contact
         self._state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary) if shown is None else shown
         self.u.x.array[:] = displacement.x.array

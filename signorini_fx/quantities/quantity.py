@@ -1,16 +1,14 @@
-"""Quantities that other packages and programs add to the results, the schema of summary.json, and its table in the
-documentation.
-"""
+"""Quantities that other packages and programs add to the results, and the schema of summary.json."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cache
-from typing import Any, get_args
+from typing import Any
 
 from signorini_fx.errors import InstallationError
 from signorini_fx.extensions import QUANTITIES, load, names_of
-from signorini_fx.quantities.summary import Row, RowOfSteps, Run, Summary, unit_of
+from signorini_fx.quantities.summary import RowOfSteps, Summary
 
 
 class Quantity:
@@ -82,21 +80,3 @@ def schema_of_summary(tables: Iterable[str]) -> dict[str, Any]:
         "title": "summary.json of signorini_fx",
         **schema,
     }
-
-
-def markdown() -> str:
-    """A row of the documentation for each result, those of others included."""
-    rows = [("key", "unit", "what"), ("---", "---", "---")]
-    for key in [key for key in Summary.model_fields if key not in Run.model_fields and key != "steps"]:
-        field = Summary.model_fields[key]
-        inner = _keys_of(field.annotation)
-        what = (field.description or "").rstrip(".")
-        rows.append((f"`{key}`", unit_of(key), f"{what}: {', '.join(inner)}" if inner else what))
-    rows += [(f"`{own.key}`", own.unit, own.title.rstrip(".")) for own in own_quantities()]
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
-
-
-def _keys_of(annotation: Any) -> list[str]:
-    """The keys of the table, or of the rows of the list, that a value is."""
-    kinds = [kind for kind in (annotation, *get_args(annotation)) if isinstance(kind, type)]
-    return [f"`{name}`" for kind in kinds if issubclass(kind, Row) for name in kind.model_fields]

@@ -5,16 +5,13 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
-from signorini_fx.errors import InstallationError, ResultError
+from signorini_fx.errors import ResultError
 from signorini_fx.machine.result_files import read_csv, read_summary
 from signorini_fx.quantities.summary import Summary
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 @dataclass(frozen=True)
@@ -47,21 +44,6 @@ class Results:
             return read_csv(self.path / f"{name}.csv")
         except (OSError, ValueError) as error:
             raise ResultError(f"{self.path}: {name}.csv cannot be read: {error}") from None
-
-    def frame(self, name: str) -> DataFrame:
-        """A table as a frame of pandas.
-
-        Raises:
-            InstallationError: pandas is not installed.
-            ResultError: see ``table``.
-        """
-        columns = self.table(name)
-        try:
-            from pandas import DataFrame
-        except ImportError:
-            install = "pip install pandas; on Debian: python3-pandas"
-            raise InstallationError(f"a frame needs pandas ({install}); table() needs nothing") from None
-        return DataFrame(columns)
 
 
 def read_results(folder: str | os.PathLike[str]) -> Results:

@@ -426,9 +426,3 @@ class Summary(Run):
         "A guaranteed bound of the error in the energy norm, where the scene asks for it."
     )
     cost: CostFigures = perhaps("What the accuracy took, and what a better one would take; a forecast.")
-
-
-def unit_of(key: str) -> str:
-    """What a figure of the summary is measured in, a word of ``units.names_of``; "": it has no unit, or several."""
-    extra = Summary.model_fields[key].json_schema_extra
-    return str(extra["unit"]) if isinstance(extra, dict) else ""

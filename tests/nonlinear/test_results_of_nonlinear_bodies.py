@@ -59,7 +59,7 @@ def test_fields_on_the_boundary():
     """Of linear elements the integral of the pressure is the sum over the nodes with their weights."""
     problem = pressed(MPI.COMM_WORLD)
     problem.run([0.5], moved(problem))
-    fields, state, comm = problem.boundary_fields(0), problem.state, MPI.COMM_WORLD
+    fields, state, comm = problem.solution.boundary_fields(0), problem.state, MPI.COMM_WORLD
     assert fields.mesh.topology.dim == 1
     integral = comm.allreduce(fem.assemble_scalar(fem.form(fields.pressure * ufl.dx)))
     total = comm.allreduce(

@@ -92,8 +92,8 @@ def test_against_a_fine_mesh(cells, degree):
     errors, force = coarse.errors, [sum(problem.solution.contact.forces) for problem in (coarse, fine)]
     assert errors.energy == pytest.approx(error)
     assert errors.force == pytest.approx(error**2)
-    columns = fine.table().columns
-    away = interpolated(coarse.table(), fine.table(), "pressure") - columns["pressure"]
+    columns = fine.solution.table.columns
+    away = interpolated(coarse.solution.table, fine.solution.table, "pressure") - columns["pressure"]
     true = np.sqrt(np.dot(columns["weight"], away**2) / np.dot(columns["weight"], columns["pressure"] ** 2))
     assert 1 / 3 < errors.pressure / true < 3
     assert np.linalg.norm(force[0] - force[1]) < 3 * errors.force * np.linalg.norm(force[1])

@@ -25,6 +25,7 @@ import pytest
 import words
 from deck_lines import stacked
 from pydantic import BaseModel
+from quantities import markdown
 from scenes import alone, example1
 from setuptools import find_packages
 
@@ -53,7 +54,6 @@ from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
-from signorini_fx.quantities.quantity import markdown
 from signorini_fx.records import JUDGED, REPORTED, Status
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, scene

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from quantities import markdown
 from scenes import alone, example1
 from spaces import block
 
-from signorini_fx.quantities.quantity import markdown
 from signorini_fx.quantities.summary import SCHEMA_VERSION
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli
