@@ -374,14 +374,10 @@ SHORTENED_IF_LOOSE, SHORTENED_AT_MOST = 4.0, 30.0
 
 # Seconds that may pass until the first rank has ended one with the same error.  Choice.
 END_PATIENCE = 1.0
-# Seconds until a rank that may have an error later has it, and of waiting for a lock without a word.  Choice.
-PATIENCE = 30.0
+# Seconds until a rank that may have an error later has it.  Choice.
+ERROR_PATIENCE = 30.0
 # Seconds between two changes of the line of progress, and two attempts to get a lock.  Choice.
 PROGRESS_PAUSE = 0.2
-# FEniCSx with its libraries takes 0.6 GB of address space before it computes anything; with less memory its libraries
-# wait for ever, or end the process.  Bytes, with a margin.
-LEAST_MEMORY = 1.0e9
-
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
 # A rank with more cells than this times the mean makes the others wait for longer than a new distribution takes.

@@ -87,12 +87,6 @@ def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:
     return getattr(wrapped, "_cpp_object", wrapped)
 
 
-def shared_facet_partitioner() -> Any:
-    """Distributes cells, those beside facets of other ranks as ghosts; it asks for the cells of a facet since 0.11."""
-    cells = (2,) if VERSION >= (0, 11) else ()
-    return mesh.create_cell_partitioner(mesh.GhostMode.shared_facet, *cells)
-
-
 def facet_mesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> tuple[mesh.Mesh, npt.NDArray[np.int32]]:
     """A mesh of facets, and the facet of each of its cells on this rank: an array until 0.9, a map since."""
     cells: Any

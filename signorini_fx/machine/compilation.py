@@ -25,7 +25,7 @@ from typing import Any
 
 from signorini_fx.errors import MachineError
 from signorini_fx.machine import signals
-from signorini_fx.tuned import PATIENCE, PROGRESS_PAUSE
+from signorini_fx.tuned import PROGRESS_PAUSE
 
 _LOCKS = ".signorini_fx.locks"
 # What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may hold thousands.
@@ -88,16 +88,12 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
     except OSError:
         return
     # One byte of the file stands for one form.
-    byte, begin, announced = zlib.crc32(module.encode()), time.monotonic(), False
+    byte = zlib.crc32(module.encode())
     while not _compiled(folder, module):  # what compiled it may hold its lock a little longer
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, byte)
-        except OSError:
-            if not announced and time.monotonic() - begin > PATIENCE:
-                from signorini_fx.machine import terminal
-
-                terminal.say("waiting for another process, which compiles the same form", error=True)
-                announced = True
+        except OSError:  # that of another process
+            pass
         else:
             # A program without locks has begun less than its own patience ago, or is gone.
             if not 0.0 <= _age(_source(folder, module)) < patience:

@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from signorini_fx.machine.terminal import printable
-from signorini_fx.records import Status
+from signorini_fx.records import Status, StepRecord
 
 
 def html_table(columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "") -> str:
@@ -67,8 +67,7 @@ def on_several_bodies(summary: dict[str, Any]) -> bool:
 
 def load_step(row: dict[str, Any]) -> str:
     """A load step by its number, name and time."""
-    named = f"{row['name']}, " if row["name"] else ""
-    return f"load step {row['step']} ({named}time {row['time']:.6g})"
+    return str(StepRecord(row["step"], row["name"], row["time"]))
 
 
 def results_of(summary: dict[str, Any]) -> str:

@@ -1,12 +1,10 @@
-"""Checks that FEniCSx is installed and that the machine has enough memory for it, without importing it."""
+"""Checks that FEniCSx is installed, without importing it."""
 
 from __future__ import annotations
 
-import resource
 from importlib.util import find_spec
 
-from signorini_fx.errors import InstallationError, MachineError
-from signorini_fx.tuned import LEAST_MEMORY
+from signorini_fx.errors import InstallationError
 
 FENICSX = ("mpi4py", "petsc4py", "ufl", "basix", "dolfinx")
 
@@ -16,17 +14,6 @@ def check_fenicsx() -> None:
     missing = [name for name in FENICSX if find_spec(name) is None]
     if missing:
         raise needs_fenicsx(f"{', '.join(missing)} cannot be imported")
-
-
-def check_machine() -> None:
-    """Raise ``MachineError`` if a limit leaves too little memory to start."""
-    for limit, option in ((resource.RLIMIT_AS, "-v"), (resource.RLIMIT_DATA, "-d")):
-        allowed, _ = resource.getrlimit(limit)
-        if allowed != resource.RLIM_INFINITY and allowed < LEAST_MEMORY:
-            raise MachineError(
-                f"the memory of each process is limited to {allowed / 1e6:.0f} MB (ulimit {option}): "
-                f"at least {LEAST_MEMORY / 1e6:.0f} MB are needed, raise the limit"
-            )
 
 
 _WAYS = """\

@@ -20,7 +20,7 @@ from signorini_fx.quantities.quantity import Quantity, own_quantities
 from signorini_fx.quantities.values import NO_BOUND, afterwards, of_step
 from signorini_fx.records import Finding
 from signorini_fx.results.solution import Solution
-from signorini_fx.tuned import PATIENCE
+from signorini_fx.tuned import ERROR_PATIENCE
 
 T = TypeVar("T")
 
@@ -57,7 +57,7 @@ def post_processing(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]]
 
 def _ends(request: MPI.Request) -> bool:
     """Whether all ranks get there while this one has patience."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + ERROR_PATIENCE
     while not request.Test():
         if time.monotonic() > end:
             return False

@@ -30,7 +30,7 @@ from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.cost import Cost, estimated_cost, memory_finding
 from signorini_fx.solving.check.findings import nonlinear_findings, refuse_beforehand, scene_findings
 from signorini_fx.solving.check.uniqueness import uniqueness_findings
-from signorini_fx.tuned import NEWTON_SOLVES, NO_FORCE
+from signorini_fx.tuned import NO_FORCE
 
 # Entries of a list, and characters of an expression, that are shown.
 _MOST_SHOWN = 30
@@ -75,46 +75,26 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
     """
     petsc_options.refuse_beforehand()
     if scene.statement.nonlinear:
-        return _nonlinear(scene, comm)
-    coarser = coarser_scenes(scene, scene.solver.levels)
-    for coarse in coarser:
-        _validated(coarse, comm)
-    compared = scene.accuracy is not None or bool(coarser)
-    model = _validated(scene, comm)
+        model, compared = _nonlinear(scene, comm), False
+        findings = nonlinear_findings(model.statement, model)
+    else:
+        coarser = coarser_scenes(scene, scene.solver.levels)
+        for coarse in coarser:
+            _validated(coarse, comm)
+        model, compared = _validated(scene, comm), scene.accuracy is not None or bool(coarser)
+        findings = [*scene_findings(model), *(uniqueness_findings(model) if uniqueness else [])]
     cost = estimated_cost(model)
-    findings = [*memory_finding(cost, comm), *scene_findings(model)]
-    findings += uniqueness_findings(model) if uniqueness else []
-    return Check(scene.title, _acting(model, compared=compared), cost, tuple(findings))
+    acting = _acting(model, compared=compared)
+    return Check(scene.title, acting, cost, (*memory_finding(cost, comm), *findings))
 
 
-def _nonlinear(scene: Scene, comm: MPI.Comm) -> Check:
-    """Of a scene with nonlinear materials, whose modules are imported for it alone."""
-    from signorini_fx.mechanics.body.nonlinear_law import volume_degree
+def _nonlinear(scene: Scene, comm: MPI.Comm) -> Model:
+    """The body of a scene with nonlinear materials, whose modules are imported for it alone, after all checks."""
     from signorini_fx.scenes.nonlinear import ProblemOfScene, linear_body
 
-    model, statement = linear_body(scene, comm, Timings()), scene.statement
-    ProblemOfScene.of(statement, model, History())  # refuses what does not fit
-    cost = _newton_cost(estimated_cost(model), statement.expected_steps)
-    inner = " with the contact problem of its tangent in each iteration" if statement.contact else ""
-    kind = statement.kinematics_in(model.tagged.dimension).words
-    strains = "finite" if statement.finite_strains else "small"
-    _, *others = _acting(replace(model, statement=statement), compared=False)
-    acting = (
-        f"nonlinear body ({kind}, {strains} strains, Newton's method{inner})",
-        *["reduced integration"] * (volume_degree(statement, model.tagged) is not None),
-        *(one for one in others if one != "reduced integration"),
-    )
-    findings = (*memory_finding(cost, comm), *nonlinear_findings(statement, model))
-    return Check(scene.title, acting, cost, findings)
-
-
-def _newton_cost(linear: Cost, steps: int) -> Cost:
-    """The cost from that of the linear body: each linear solve has a factorisation."""
-    solves = NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
-    seconds = solves[0] * linear.factorisation_seconds, solves[1] * linear.factorisation_seconds
-    low, high = (new / old if old > 0 else 1.0 for new, old in zip(seconds, linear.seconds, strict=True))
-    finer = linear.next_seconds[0] * low, linear.next_seconds[1] * high
-    return replace(linear, linear_solves=solves, seconds=seconds, next_seconds=finer)
+    model = linear_body(scene, comm, Timings())
+    ProblemOfScene.of(scene.statement, model, History())
+    return replace(model, statement=scene.statement)
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Model:
@@ -132,13 +112,14 @@ def _validated(scene: Scene, comm: MPI.Comm) -> Model:
 def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
     """What acts, each in words; ``compared``: whether there are several meshes; collective."""
     statement = model.statement
-    acting = [f"elasticity ({model.kinematics.words})"]
+    first, reduced = _body(model)
+    acting = [first]
     if len(statement.material) > 1:
         acting.append(f"several materials ({', '.join(str(material.region) for material in statement.material)})")
     for one in statement.material:
         if not isinstance(one, LinearElastic):
             acting.append(f"{one.words} ({one.region or 'everywhere'}: {given_in_words(one)})")
-    acting += ["reduced integration"] * (model.elastic.reduced is not None)
+    acting += ["reduced integration"] * reduced
     acting += ["pressure of the mixed element"] * model.elastic.pressed
     acting += _contacts(model)
     if statement.expected_steps > 1:
@@ -153,6 +134,20 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
         acting += ["error estimate"] * (to_stop or compared)
         acting += [f"nested iteration (levels = {solver.levels})"] * (solver.levels > 1)
     return tuple(acting)
+
+
+def _body(model: Model) -> tuple[str, bool]:
+    """The body in words, and whether its volume is integrated with fewer points."""
+    statement = model.statement
+    if not statement.nonlinear:
+        return f"elasticity ({model.kinematics.words})", model.elastic.reduced is not None
+    from signorini_fx.mechanics.body.nonlinear_law import volume_degree
+
+    inner = " with the contact problem of its tangent in each iteration" if statement.contact else ""
+    kind = statement.kinematics_in(model.tagged.dimension).words
+    strains = "finite" if statement.finite_strains else "small"
+    body = f"nonlinear body ({kind}, {strains} strains, Newton's method{inner})"
+    return body, volume_degree(statement, model.tagged) is not None
 
 
 def _contacts(model: Model) -> list[str]:

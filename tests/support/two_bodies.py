@@ -38,7 +38,9 @@ def assembled(kind, *bodies, comm=MPI.COMM_SELF):
     element = basix.ufl.element("Lagrange", kind, 1, shape=(x.shape[1],))
     if comm.rank:  # the first rank has all of it
         cells, x = cells[:0], x[:0]
-    shared = compat.shared_facet_partitioner()
+    # It asks for the cells of a facet since dolfinx 0.11.
+    cells_of_facet = (2,) if compat.VERSION >= (0, 11) else ()
+    shared = dmesh.create_cell_partitioner(dmesh.GhostMode.shared_facet, *cells_of_facet)
     return dmesh.create_mesh(comm, cells=cells.astype(np.int64), x=x, e=ufl.Mesh(element), partitioner=shared)
 
 

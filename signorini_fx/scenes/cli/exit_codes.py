@@ -51,10 +51,9 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
         run: the command; returns the exit code.
         source: name of the scene in messages; None: the command has none.
     """
-    from signorini_fx.machine.requirements import check_fenicsx, check_machine
+    from signorini_fx.machine.requirements import check_fenicsx
 
     try:
-        check_machine()
         check_fenicsx()
     except SignoriniError as error:
         return _complain(error) if started_as_root() else EXIT_BAD_INPUT

@@ -22,6 +22,7 @@ from signorini_fx.tuned import (
     FACTOR_SECONDS,
     KRYLOV_SECONDS,
     MEMORY_SHARE,
+    NEWTON_SOLVES,
     NEXT_ERROR,
     PAIRED_BYTES,
     SOLVES_OF_COULOMB,
@@ -71,6 +72,8 @@ def contact_nodes(model: Model) -> int:
 def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
     """Linear solves to expect, from and to."""
     steps, finer = statement.expected_steps, statement.solver.levels - 1
+    if statement.nonlinear:
+        return NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
     if not statement.contact:
         return steps * (1 + finer), steps * (1 + finer)
     size = math.log2(max(nodes / 2**finer, 4))
@@ -103,6 +106,8 @@ def estimated_cost(model: Model) -> Cost:
     elif model.boundary is None:
         reason, once, per_solve = "one factorisation for all load steps", factorisation, FACTOR_SECONDS[dim][0] * n
     else:
+        once, per_solve = 0.0, factorisation
+    if model.statement.nonlinear:  # each linear solve has a factorisation
         once, per_solve = 0.0, factorisation
     free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~model.fixed))))
     if model.boundary is not None and model.boundary.moving is not None:
