@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
 from typing import Any, Literal
 
@@ -277,29 +277,6 @@ def as_columns(records: Sequence[Any]) -> dict[str, list[Any]]:
 
 
 @dataclass(frozen=True)
-class Progress:
-    """Where a solve is.
-
-    Attributes:
-        mesh: number of the mesh, from 1.
-        meshes: how many there will be; None: not known.
-        dofs: unknowns on this mesh; 0 while it is made.
-        step: number of the load step, from 1.
-        steps: how many there are.
-        solve: running number of the linear solve, from 1.
-        krylov: steps of the Krylov method in this linear solve.
-    """
-
-    mesh: int = 1
-    meshes: int | None = 1
-    dofs: int = 0
-    step: int = 1
-    steps: int = 1
-    solve: int = 1
-    krylov: int = 0
-
-
-@dataclass(frozen=True)
 class StepRecord:
     """The beginning of a load step.
 
@@ -334,8 +311,6 @@ class History:
         is_late: whether the time that the solve may take has passed, the same on all ranks; collective.
         late: whether it was found to have passed; then all methods end as well.
         step: number of the load step that the solve is at, from 1.
-        progress: where the solve is.
-        watchers: called with it whenever it changes; on all ranks or on none.
     """
 
     iterations: list[IterationRecord] = field(default_factory=list)
@@ -346,8 +321,6 @@ class History:
     is_late: Callable[[], bool] = lambda: False
     late: bool = False
     step: int = 1
-    progress: Progress = field(default_factory=Progress)
-    watchers: list[Callable[[Progress], object]] = field(default_factory=list)
 
     def __repr__(self) -> str:
         return f"<History: {len(self.iterations)} linear solves, {len(self.outer)} problems>"
@@ -383,19 +356,11 @@ class History:
         finally:
             self.limit = outer
 
-    def move(self, **changes: Any) -> None:
-        """Note where the solve is, if anybody watches."""
-        if self.watchers:
-            self.progress = replace(self.progress, **changes)
-            for watcher in self.watchers:
-                watcher(self.progress)
-
     def add(self, record: Record) -> None:
         """Store a record or an event and show it."""
         match record:
             case IterationRecord():
                 self.iterations.append(record)
-                self.move(solve=record.solve + 1, krylov=0)
             case OuterRecord():
                 self.outer.append(record)
             case str():

@@ -5,26 +5,24 @@ from __future__ import annotations
 import sys
 import time
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel, terminal
+from signorini_fx.records import IterationRecord, Record, StepRecord
 from signorini_fx.tuned import PROGRESS_PAUSE
-
-if TYPE_CHECKING:
-    from signorini_fx.records import Progress
 
 _ERASE = "\r\x1b[K"
 
 
 class ProgressLine:
-    """A line that says where a solve is: mesh, unknowns, load step, linear solve and Krylov steps.
+    """A line that says where a solve is: the mesh or the load step, and the last linear solve.
 
-    To be given to ``solve`` as ``on_progress``, on all ranks::
+    It is an observer::
 
         with ProgressLine() as line:
-            solution = solve(scene, on_progress=line)
+            solution = solve(scene, observers=[line])
 
     Rank 0 of all ranks shows it: below the cell of a notebook, or at the bottom of a terminal (standard error). It is
     erased at the end, and before anything else is printed ``erase`` must be called. Without either nothing is written.
@@ -33,6 +31,7 @@ class ProgressLine:
     def __init__(self) -> None:
         self._shown = False
         self._next = 0.0
+        self._begin = ""  # mesh or load step
         self._display = _display_of_a_notebook()
         self._output: Any = None
         seen = self._display is not None or terminal.is_terminal(sys.stderr)
@@ -46,13 +45,15 @@ class ProgressLine:
     ) -> None:
         self.erase()
 
-    def __call__(self, progress: Progress) -> None:
+    def __call__(self, record: Record) -> None:
         """Show where the solve is, if the last time is some time ago."""
+        if isinstance(record, StepRecord) or (isinstance(record, str) and record.startswith("level ")):
+            self._begin = f"{record}, "
         seconds = time.perf_counter()
-        if not self._silent and seconds >= self._next:
+        if isinstance(record, IterationRecord) and not self._silent and seconds >= self._next:
             self._next = seconds + PROGRESS_PAUSE
             self._shown = True
-            self._show(progress_text(progress))
+            self._show(f"{self._begin}linear solve {record.solve}, residual {record.residual:.1e}")
 
     def erase(self) -> None:
         """Remove the line."""
@@ -75,19 +76,3 @@ def _display_of_a_notebook() -> Any:
     interactive = sys.modules.get("IPython")
     shell = None if interactive is None else interactive.get_ipython()
     return interactive.display.display if interactive is not None and hasattr(shell, "kernel") else None
-
-
-def progress_text(progress: Progress) -> str:
-    """Where a solve is, in words."""
-    p = progress
-    parts = []
-    if p.meshes != 1:
-        parts.append(f"mesh {p.mesh}" + (f" of {p.meshes}" if p.meshes else ""))
-    if p.dofs:
-        parts.append(f"{p.dofs:,} unknowns")
-    if p.steps > 1:
-        parts.append(f"load step {p.step} of {p.steps}")
-    parts.append(f"linear solve {p.solve}")
-    if p.krylov:
-        parts.append(f"{p.krylov} Krylov steps")
-    return ", ".join(parts)

@@ -70,7 +70,6 @@ def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> Problem
     with timings.phase("compile"):
         problem = ProblemOfScene.of(scene.statement, model, history)
     problem.timings = timings
-    history.move(dofs=model.dofs)
     return problem
 
 

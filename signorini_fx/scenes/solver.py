@@ -13,7 +13,7 @@ from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.quantity import own_quantities
-from signorini_fx.records import History, Progress
+from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh
 from signorini_fx.scenes.reading import as_scene
@@ -30,7 +30,6 @@ def solve(
     *,
     check: bool = True,
     observers: Sequence[Callable[[Any], None]] = (),
-    on_progress: Callable[[Progress], object] | None = None,
     checkpoint: str | Path | None = None,
     restart: bool = False,
 ) -> Solution:
@@ -46,7 +45,6 @@ def solve(
         check: raise if no solution was reached; otherwise look at ``Solution.status``.
         observers: called with each ``IterationRecord``, ``OuterRecord`` and event when it occurs, and with a
             ``StepRecord`` where one of several load steps begins.
-        on_progress: called with where the solve is, at each step of a Krylov method; given on all ranks or on none.
         checkpoint: the result folder, in which every load step on every mesh is stored as soon as it is complete,
             until ``write_results`` writes the result there; None: nowhere. Needs a scene with contact and several load
             steps or levels, without a requested accuracy; otherwise nothing is stored.
@@ -67,7 +65,7 @@ def solve(
     own_quantities()  # those of others are refused before hours of work
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
-    history = History(observers=list(observers), watchers=[] if on_progress is None else [on_progress])
+    history = History(observers=list(observers))
     solution = _solved(scene, comm, history, checkpoint, restart=restart)
     if check and not solution.converged:
         raise ConvergenceError(solution)

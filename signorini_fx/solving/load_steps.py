@@ -274,7 +274,6 @@ class StepProgress:
         start = replace(begun.start, place=place, factors=factors, several=steps.several)
         if steps.several:
             history.add(StepRecord(start.step + 1, steps.name_at(place), steps.time_at(place)))
-        history.move(step=start.step + 1, steps=len(steps.times))
         with begun.body.timings.phase("iterate"):
             end = solve_step(LoadStepStart(begun.body.model, begun.task, start, self.path.allowed))
         begun = replace(begun, body=replace(begun.body, model=end.model), start=end.start)

@@ -48,7 +48,6 @@ def solve_nested(
     unsolved: Unsolved | None = None
     following = iter(problems)
     for number in range(count):
-        history.move(mesh=number + 1, meshes=count, dofs=0)
         name = f"mesh {number + 1} of {count}"
         try:
             problem = next(following)

@@ -71,7 +71,6 @@ def solve_mesh(
             history.add(
                 f"the contact points are on {contact.boundary!r}, not on {stated.boundary!r}: see contact.points"
             )
-    history.move(dofs=model.dofs)
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
     start = task.start

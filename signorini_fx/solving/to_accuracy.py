@@ -68,7 +68,6 @@ def solve_to_accuracy(
     polygon: float | None = None
     while True:
         started = parallel.clock(comm)
-        history.move(mesh=len(levels) + 1, meshes=None, dofs=0)
         try:
             solved = meshes.solve(state, len(levels))
         except Exception as failure:

@@ -102,8 +102,8 @@ INTERPOLATED = ("several steps", "several meshes", "accuracy")
 @pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_nothing_is_left(name, counted):
-    """With observers and a watcher of the Krylov method, and without them."""
-    more = {"observers": [lambda record: None], "on_progress": lambda progress: None}
+    """With observers, and without them."""
+    more = {"observers": [lambda record: None]}
     scene, interpolated = SCENES[name], name in INTERPOLATED
     assert solve(scene(), COMM, check=False).status.value  # a library may keep something once
     before = counted(interpolated=interpolated)

@@ -51,12 +51,12 @@ def run(tmp_path, monkeypatch):
 
 PROGRESS = """
 from signorini_fx import ProgressLine
-from signorini_fx.records import Progress
+from signorini_fx.records import IterationRecord
 from signorini_fx.results import progress_line
 progress_line.PROGRESS_PAUSE = 0.0
 line = ProgressLine()
 for number in (1, 2):
-    line(Progress(solve=number))
+    line(IterationRecord(1, number, 0, 1, 0, 0, 0, 0, 0.5, False, 0.0))
 """
 
 
@@ -68,7 +68,7 @@ def test_progress_line(run):
     notebook = new_notebook(cells=[new_code_cell(PROGRESS), new_code_cell(f"{PROGRESS}line.erase()")])
     run(notebook)
     assert [[output.data["text/plain"] for output in cell.outputs] for cell in notebook.cells] == [
-        ["linear solve 2"],
+        ["linear solve 2, residual 5.0e-01"],
         [""],
     ]
 

@@ -17,7 +17,6 @@ from signorini_fx.algebra.linalg import callbacks, multigrid, schur
 from signorini_fx.algebra.problem import regularised
 from signorini_fx.machine import signals
 from signorini_fx.machine.manifest import MANIFEST
-from signorini_fx.records import History
 from signorini_fx.results import files
 from signorini_fx.results.accuracy import stress_recovery
 from signorini_fx.results.certificate.nodal_forces import NodalForces
@@ -60,7 +59,6 @@ PLACES = {
     "residual": (regularised.RegularisedProblem, "_hold", (PLANE, FULL)),
     "residual, krylov": (regularised.RegularisedProblem, "_hold", (SOLID, KRYLOV)),
     "convergence, krylov": (ssn.SemismoothNewton, "_record", (SOLID, KRYLOV)),
-    "monitor": (History, "move", (SOLID, KRYLOV)),
     "preconditioner": (multigrid.NodalBlocks, "split", (SOLID, KRYLOV)),
     "certificate": (NodalForces, "internal", (SOLID, FULL)),
     "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),
@@ -125,7 +123,6 @@ def test_a_signal(place, older, tmp_path, monkeypatch, capfd):
     """Exit code 130 and one line about it; the older result stays, and what is complete can be gone on from."""
     out = tmp_path / "out"
     shutil.copytree(older, out)
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)  # so that the Krylov method is watched
     kind = (signal.SIGINT, signal.SIGTERM)[list(PLACES).index(place) % 2]
     scene = written(tmp_path / "scene.toml", *at_second_call(monkeypatch, place, lambda: os.kill(os.getpid(), kind)))
     assert cli.main(["solve", str(scene), "--out", str(out), "--no-pictures", "--no-fields"]) == 130
@@ -142,7 +139,7 @@ def test_an_exception(place, tmp_path, monkeypatch):
     """It reaches the caller as it is, and the next solve knows nothing of it."""
     scene = written(tmp_path / "scene.toml", *at_second_call(monkeypatch, place, raise_enough))
     with pytest.raises(Enough) as caught:
-        solver.solve(scene, on_progress=lambda progress: None)
+        solver.solve(scene)
     assert caught.value.__context__ is None
     assert not callbacks._raised
     assert solver.solve(scene).converged

@@ -109,8 +109,6 @@ class SemismoothNewton:
         snes.setConvergenceTest(weakly(self._test))
         snes.getKSP().setOperators(jacobian)
         self.problem.system.configure(snes.getKSP(), symmetric=symmetric)
-        if self.history.watchers:
-            snes.getKSP().setMonitor(weakly(self._show))
         try:
             with petsc_options.defaults({"snes_linesearch_type": "basic"}):  # petsc4py 3.22 has no setter for it
                 snes.setFromOptions()
@@ -118,10 +116,6 @@ class SemismoothNewton:
             raise petsc_options.refused(error) or error from None
         self.max_iterations = snes.getTolerances()[3]
         return snes
-
-    @called_back
-    def _show(self, ksp: PETSc.KSP, steps: int, norm: float) -> None:
-        self.history.move(krylov=steps)
 
     @called_back
     def _assemble_jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, jacobian: PETSc.Mat, _: PETSc.Mat) -> None:

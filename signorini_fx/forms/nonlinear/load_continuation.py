@@ -142,7 +142,6 @@ class Continuation:
         """Solve the next step of a way; None: it has no solution and will be another one; collective."""
         begun, history = self.solver.snapshot(), self.solver.linear.history
         end, number = way.next, len(self.steps) + 1
-        history.move(step=number, steps=len(way.path.times))
         if way.path.several:
             history.add(StepRecord(number, way.path.name_at(end), way.path.time_at(end)))
         try:

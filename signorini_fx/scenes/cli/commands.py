@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -84,8 +83,8 @@ def solve(options: argparse.Namespace) -> int:
     observers: list[Callable[[Any], None]] = [progress.records.append]
     if options.verbose:
         observers.append(show)
-    # Watched on all ranks or on none, shown by the first.
-    watched = parallel.on_root(comm, lambda: not options.quiet and terminal.is_terminal(sys.stderr))
+    if not options.quiet:
+        observers.append(line)
     try:
         with ResultFolder(comm, path, (*files.FILES, CHECKPOINT)) as folder:
             older = parallel.on_root(comm, lambda: files.title_of_result(path))
@@ -97,7 +96,6 @@ def solve(options: argparse.Namespace) -> int:
                     comm,
                     check=False,
                     observers=observers,
-                    on_progress=line if watched else None,
                     checkpoint=path,
                     restart=options.restart,
                 )
