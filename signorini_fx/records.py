@@ -70,6 +70,7 @@ class Status(Enum):
         return _ADVICE[self]
 
 
+_LESS_ACCURATE = "this is a certified solution on the last mesh that has one, less accurate than required"
 _ADVICE = {
     Status.CONVERGED: "the active sets repeat and the residual is small",
     Status.MAX_ITERATIONS: "raise solver.max_iterations, or lower solver.gamma_n and solver.gamma_t",
@@ -168,22 +169,12 @@ _ADVICE = {
         "the check after the solve found that conditions of the problem are violated: see the certificate in the "
         "summary; lower solver.gamma_n and solver.gamma_t, with Coulomb friction solver.tolerance, or mend flat cells"
     ),
-    Status.BUDGET: (
-        "raise the budget, or require less: this is a certified solution on the last mesh that the budget allowed, "
-        "less accurate than required"
-    ),
-    Status.MEMORY: (
-        "use a larger machine, or require less: this is a certified solution on the last mesh that this machine has "
-        "the memory for, less accurate than required"
-    ),
+    Status.BUDGET: f"raise the budget, or require less: {_LESS_ACCURATE}",
+    Status.MEMORY: f"use a larger machine, or require less: {_LESS_ACCURATE}",
     Status.OUT_OF_REACH: (
-        "require less, or the accuracy of the energy or of a force: this is a certified solution, less accurate than "
-        "required, and no finer mesh would reach the accuracy"
+        f"require less, or the accuracy of the energy or of a force: no finer mesh would help; {_LESS_ACCURATE}"
     ),
-    Status.COARSER: (
-        "remove what keeps the finer mesh from a solution, or require less: this is a certified solution on the last "
-        "mesh that has one, less accurate than required"
-    ),
+    Status.COARSER: f"remove what keeps the finer mesh from a solution, or require less: {_LESS_ACCURATE}",
     Status.ROUND_OFF: "gamma is too large for double precision: lower solver.gamma_n and solver.gamma_t",
 }
 
