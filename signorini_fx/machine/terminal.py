@@ -56,8 +56,9 @@ def prepare() -> None:
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Whether somebody reads this stream on a terminal; of a rank of mpirun that is not known, and it counts as no."""
-    return stream is not None and stream.isatty() and not _gives_pseudo_terminals()
+    """Whether somebody reads this stream on a terminal; of ranks of Open MPI that is not known, and counts as no."""
+    pseudo_terminals = "OMPI_COMM_WORLD_SIZE" in os.environ  # wherever mpirun writes
+    return stream is not None and stream.isatty() and not pseudo_terminals
 
 
 @dataclass(frozen=True)
@@ -139,11 +140,6 @@ def _give_up(stream: TextIO, reason: OSError) -> None:
 def started_as_root() -> bool:
     """Whether this process is the first of its ranks, or the only one."""
     return next((os.environ[name] for name in _RANK if name in os.environ), "0") == "0"
-
-
-def _gives_pseudo_terminals() -> bool:
-    """Whether ranks write to pseudo-terminals wherever their launcher writes, as those of Open MPI do."""
-    return "OMPI_COMM_WORLD_SIZE" in os.environ
 
 
 def limit_threads() -> None:
