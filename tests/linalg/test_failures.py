@@ -137,7 +137,7 @@ def test_an_error_that_is_no_outcome(capsys):
     """Memory that ends outside of the solves is one line, whatever has raised it."""
 
     def run(error):
-        def raises():
+        def raises(_comm):
             raise error
 
         return on_ranks(raises), capsys.readouterr().err

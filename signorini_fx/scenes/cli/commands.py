@@ -17,6 +17,8 @@ from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION
 from signorini_fx.scenes.cli.grammar import changes, several_values
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from signorini_fx.scenes.scene import Scene
 
 
@@ -37,32 +39,27 @@ def _start_petsc(options: Sequence[str]) -> None:
         raise OptionsError(f"PETSc does not start with the options {' '.join(options)!r}: {error}") from None
 
 
-def _read_scene(options: argparse.Namespace, leave_out: str = "") -> Scene:
+def _read_scene(options: argparse.Namespace, comm: MPI.Comm, leave_out: str = "") -> Scene:
     """The scene on every rank, with what the command line changes but one entry; PETSc is started with the options of
     the user.
     """
-    from mpi4py import MPI
-
     from signorini_fx.machine import parallel
     from signorini_fx.scenes.reading import parse_scene_text, read_scene_text
 
-    text = parallel.on_root(MPI.COMM_WORLD, lambda: read_scene_text(options.scene))
+    text = parallel.on_root(comm, lambda: read_scene_text(options.scene))
     entries = {path: value for path, value in changes(options).items() if path != leave_out}
     scene = parse_scene_text(text, options.scene, entries)
     _start_petsc(options.petsc_options)
     return scene
 
 
-def solve(options: argparse.Namespace) -> int:
+def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Solve a scene and write its results."""
-    from mpi4py import MPI
-
     from signorini_fx.machine import parallel
 
-    comm = MPI.COMM_WORLD
     path = options.out or Path("results") / options.scene.stem
     progress = _SolveProgress(path)
-    scene = _read_scene(options)
+    scene = _read_scene(options, comm)
     from signorini_fx.results import files
     from signorini_fx.results.folder import CHECKPOINT, ResultFolder
     from signorini_fx.results.progress_line import ProgressLine
@@ -145,20 +142,17 @@ class _SolveProgress:
         return f" after {solves} linear solves,{mesh}: no result is complete yet{advice}".replace(",:", ":")
 
 
-def sweep(options: argparse.Namespace) -> int:
+def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Solve a scene for several values of one of its entries."""
-    from mpi4py import MPI
-
     from signorini_fx.machine import parallel
     from signorini_fx.machine.result_files import write_csv
     from signorini_fx.records import Status
     from signorini_fx.results.folder import ResultFolder
     from signorini_fx.scenes import sweep as study
 
-    comm = MPI.COMM_WORLD
     path = options.out or Path("results") / f"sweep_{options.scene.stem}"
     entry, values = several_values(changes(options))
-    solutions = study.sweep(_read_scene(options, leave_out=entry), entry, values, comm)
+    solutions = study.sweep(_read_scene(options, comm, leave_out=entry), entry, values, comm)
     rows = []
     with ResultFolder(comm, path, ("sweep.csv",)) as folder:
         parallel.log_on_root(comm, study.heading(entry))
@@ -171,15 +165,12 @@ def sweep(options: argparse.Namespace) -> int:
     return EXIT_OK if all(row["status"] == Status.CONVERGED.value for row in rows) else EXIT_NO_SOLUTION
 
 
-def check(options: argparse.Namespace) -> int:
+def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Print what acts in a scene, its cost and findings, without solving it."""
-    from mpi4py import MPI
-
     from signorini_fx.machine import parallel
 
-    comm = MPI.COMM_WORLD
     try:
-        scene = _read_scene(options)
+        scene = _read_scene(options, comm)
         from signorini_fx.scenes.checks import check_scene, text_of
         from signorini_fx.scenes.mesh import load_mesh
 
@@ -197,15 +188,12 @@ def check(options: argparse.Namespace) -> int:
     return EXIT_OK
 
 
-def info(_: argparse.Namespace) -> int:
+def info(_: argparse.Namespace, comm: MPI.Comm) -> int:
     """Print versions and the factorisations in use."""
-    from mpi4py import MPI
-
     from signorini_fx.algebra.linalg.factorisation import factorisation_package
     from signorini_fx.machine import parallel
     from signorini_fx.results.summary import versions
 
-    comm = MPI.COMM_WORLD
     lines = [f"{name:14s} {version}" for name, version in versions().items()]
     lines.append(f"{'Cholesky':14s} {factorisation_package(comm, symmetric=True)}")
     lines.append(f"{'LU':14s} {factorisation_package(comm, symmetric=False)}")
@@ -247,13 +235,10 @@ def report(options: argparse.Namespace) -> str:
     return str(add_on("report")(options.folder, options.out))
 
 
-def judge(options: argparse.Namespace) -> int:
+def judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Print a verdict on another program's result."""
-    from mpi4py import MPI
-
     from signorini_fx.machine import parallel
 
-    comm = MPI.COMM_WORLD
     _start_petsc(options.petsc_options)
     # It reads and solves on one rank alone; the others wait for its verdict.
     judgement = parallel.on_root(comm, lambda: add_on("judge")(options.problem, options.result))

@@ -8,11 +8,15 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from signorini_fx.errors import SceneError, SignoriniError
 from signorini_fx.machine import terminal
 from signorini_fx.machine.terminal import started_as_root
 from signorini_fx.tuned import END_PATIENCE
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
 _OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
@@ -44,11 +48,11 @@ def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
     return EXIT_BAD_INPUT if terminal.output_lost() else code
 
 
-def on_ranks(run: Callable[[], int], source: object = None) -> int:
+def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
     """Run a command that all ranks share; every way in which it can end, in one place.
 
     Args:
-        run: the command; returns the exit code.
+        run: the command, of the ranks that share it; returns the exit code.
         source: name of the scene in messages; None: the command has none.
     """
     from signorini_fx.machine.requirements import check_fenicsx
@@ -70,7 +74,7 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
     # mpirun and batch systems send SIGTERM, and kill soon after.
     handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        code = run()
+        code = run(comm)
         return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
     except SignoriniError as error:  # these are raised on all ranks
         _forget_petsc_options()
@@ -82,8 +86,7 @@ def on_ranks(run: Callable[[], int], source: object = None) -> int:
             os.write(2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace"))
         return end(EXIT_INTERRUPTED)
     except Exception as error:
-        message = _OUT_OF_MEMORY if _memory_ended(error) else _refused_by_petsc(error)
-        if message is not None:
+        if (message := _explained(error)) is not None:
             if comm.rank > 0:  # if the first rank has the same error, it has ended this one by then
                 time.sleep(END_PATIENCE)
             return end(_complain(message))
@@ -103,21 +106,15 @@ def _forget_petsc_options() -> None:
             options.delValue(name)
 
 
-def _memory_ended(error: Exception) -> bool:
-    """Whether an error is that there is not enough memory."""
+def _explained(error: Exception) -> object:
+    """The message for an error of a lack of memory, or of options of the user for PETSc; None: another one."""
     if "petsc4py.PETSc" not in sys.modules:
-        return isinstance(error, MemoryError)
-    from signorini_fx.algebra.linalg.failures import memory_ended
-
-    return memory_ended(error)
-
-
-def _refused_by_petsc(error: Exception) -> SignoriniError | None:
-    """The message for an error of PETSc that options of the user may have caused."""
-    if "petsc4py" not in sys.modules:
-        return None
+        return _OUT_OF_MEMORY if isinstance(error, MemoryError) else None
     from petsc4py import PETSc
 
+    from signorini_fx.algebra.linalg.failures import memory_ended
     from signorini_fx.algebra.linalg.petsc_options import refused
 
+    if memory_ended(error):
+        return _OUT_OF_MEMORY
     return refused(error) if isinstance(error, PETSc.Error) else None
