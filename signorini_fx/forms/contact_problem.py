@@ -65,13 +65,7 @@ class ContactProblem(ProblemOfForms):
     Attributes:
         u: the solution.
         assembled: what the problem is solved with, for programs that go beyond this class.
-        bcs: the Dirichlet conditions; the list may change between two solves.
-        contact: the foundations.
         pressure, shear, gap, slip: of all foundations, see ``ContactFields``.
-        history: every linear solve of all solves so far.
-        status: how the last solve ended; None before the first one.
-        tools: how the foundations that forces move have moved in the last solution.
-        certificate: the check of the last solution against the conditions of the problem; None before the first solve.
 
     Raises:
         FormError: an argument is wrong.

@@ -53,7 +53,6 @@ from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 Array = npt.NDArray[np.float64]
 
-# What is compiled of the body.
 # Settings that a nonlinear problem has not, with the values that change nothing.
 _LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
 

@@ -46,7 +46,7 @@ class Plan:
 
 
 # What can be divided in place of cells that cannot.
-_SIMPLEX = {"quadrilateral": "triangle", "hexahedron": "tetrahedron"}
+_SIMPLEX = {"quadrilateral": ("quadrilaterals", "triangle"), "hexahedron": ("hexahedra", "tetrahedron")}
 
 
 def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
@@ -85,15 +85,13 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
     """
     if not scene.statement.remade:
         return None
-    meshes: list[tuple[str, Any]] = [(f"body {body.name!r}", body.mesh) for body in scene.body] or [("", scene.mesh)]
+    meshes: list[tuple[str, Any]] = [(f" of body {body.name!r}", body.mesh) for body in scene.body]
     several = len(meshes) > 1 or scene.statement.sides[1] is not None
-    for name, mesh in meshes:
+    for name, mesh in meshes or [("", scene.mesh)]:
         if isinstance(mesh, MeshGenerator) and not has_local_sizes(mesh.generator, mesh.parameters):
             if not several:
                 return None
-            message = f"the cells of {mesh.generator!r} ({name}) are all alike, and are made smaller together"
-            if not scene.body:
-                message = f"the cells of {mesh.generator!r} are all alike, and are made smaller together"
+            message = f"the cells of {mesh.generator!r}{name} are all alike, and are made smaller together"
             raise SceneError([("accuracy.refinement", f"{message}: use 'uniform'")])
     if not several and isinstance(scene.mesh, MeshFile):
         tagged = load_mesh(scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})}), comm)
@@ -186,10 +184,8 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     triangles = simplex_parameters(name, original)
     cell = generated_cell(name, original)
     if cell in _SIMPLEX and goal.refinement == "adaptive":
-        several = {"quadrilateral": "quadrilaterals", "hexahedron": "hexahedra"}[cell]
-        message = (
-            f"{several} cannot be divided one by one and stay conforming: use cell = '{_SIMPLEX[cell]}', or 'uniform'"
-        )
+        several, simplex = _SIMPLEX[cell]
+        message = f"{several} cannot be divided one by one and stay conforming: use cell = '{simplex}', or 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
     if goal.refinement == "adaptive" and triangles is None:
         message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
