@@ -9,7 +9,6 @@ import os
 import signal
 import sys
 import time
-from pathlib import Path
 
 # Read where MPI starts: ranks that wait let others have the core.
 os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
@@ -26,8 +25,6 @@ from hypothesis.strategies import none
 
 if os.environ.get("SFX_WITHOUT_ADD_ONS"):
     pytest_plugins = ["without_add_ons"]
-# Tests take bodies and scenes from the files of other rooms.
-sys.path += sorted(str(room) for room in Path(__file__).parent.iterdir() if room.is_dir())
 
 # A shell ignores Ctrl-C in what it starts in the background; programs hand that on to those that the tests interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

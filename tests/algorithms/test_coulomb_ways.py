@@ -6,13 +6,12 @@ import time
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import alone, example1
+from scenes import alone, example1, one_triangle
 
 from signorini_fx.algebra import method
 from signorini_fx.algebra.algorithms import coulomb as coulomb_module
 from signorini_fx.algebra.algorithms import strategy
 from signorini_fx.mechanics.body.discretisation import discretise
-from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -50,36 +49,6 @@ def test_square_by_newton(algorithm):
     # The fixed point stops at a change of 1e-7; it contracts by 0.9.
     np.testing.assert_allclose(fixed.contact.pressure, monolithic.contact.pressure, rtol=0, atol=2e-6 * largest)
     np.testing.assert_allclose(fixed.contact.shear, monolithic.contact.shear, rtol=0, atol=8e-6 * largest)
-
-
-def draw_triangle(gmsh):
-    """One cell with a free node, and sides of contact and support."""
-    geo = gmsh.model.geo
-    corners = [geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0 + np.sqrt(3.0), 1.0))]
-    lines = [geo.addLine(*ends) for ends in itertools.pairwise([*corners, corners[0]])]
-    for line in lines:
-        geo.mesh.setTransfiniteCurve(line, 2)
-    body = geo.addPlaneSurface([geo.addCurveLoop(lines)])
-    geo.mesh.setTransfiniteSurface(body)
-    geo.synchronize()
-    gmsh.model.addPhysicalGroup(2, [body], name="body")
-    for name, line in zip(("contact", "support"), lines, strict=False):
-        gmsh.model.addPhysicalGroup(1, [line], name=name)
-    gmsh.model.mesh.generate(2)
-
-
-def one_triangle(coefficient, force, **solver):
-    """One linear triangle with one free node, whose stiffness is known."""
-    return parse_scene(
-        {
-            "mesh": gmsh_mesh(MPI.COMM_SELF, draw_triangle, name="triangle"),
-            "material": {"young": 2.5, "poisson": 0.25},
-            "displacement": {"boundary": "support", "x": 0.0, "y": 0.0},
-            "body_force": {"x": force[0], "y": force[1]},
-            "contact": {"boundary": "contact", "friction": {"law": "coulomb", "coefficient": coefficient}},
-            "solver": solver,
-        }
-    )
 
 
 @pytest.mark.one_quick

@@ -7,7 +7,10 @@ import pytest
 from mpi4py import MPI
 from scenes import PATCH, alone, energy, example1
 
+from benchmarks.stability.oracle.judge import RIGHT
+from benchmarks.stability.oracle.worker import TRIAL, examined, same_units
 from signorini_fx.algebra.algorithms import ssn
+from signorini_fx.algebra.algorithms.interior_point import interior_point
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes import solver
@@ -160,3 +163,30 @@ def test_elements_that_lock(monkeypatch):
     for solution in (ours, proposed):
         assert solution.certificate.holds
     same(ours, proposed)
+
+
+# --- the interior-point method alone ---------------------------------------------------------------------------------
+
+
+def test_a_body_that_friction_alone_holds():
+    """No set of the solution holds it, each step does."""
+    contact, friction = alone(flat()).contact.forces
+    np.testing.assert_allclose(contact + friction, [0.0, 20.0], atol=1e-6)
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize(("where", "seed"), [("plane", 7), ("space", 2), ("space-effects", 5), ("bodies", 7)])
+def test_judged_by_another_programme(where, seed, monkeypatch):
+    """Random scenes of which each problem with a given bound is solved by it alone."""
+    plain, statuses = ssn.SemismoothNewton.solve, []
+
+    def inside(self, data, first_sets=None, *, measure=lambda: None, **limits):
+        if data.follows is not None or np.isinf(data.gamma_n):
+            return plain(self, data, first_sets, measure=measure, **limits)
+        statuses.append(interior_point(self, data, measure))
+        return statuses[-1]
+
+    monkeypatch.setattr(ssn.SemismoothNewton, "solve", inside)
+    verdict, _ = examined(TRIAL[where](seed, same_units(where, seed)), where)
+    assert verdict.kind == RIGHT, verdict
+    assert set(statuses) == {Status.CONVERGED}

@@ -6,7 +6,7 @@ alone as a body of one piece.
 
 import numpy as np
 import pytest
-from boxes import Box, boxes_mesh
+from boxes import Box, boxes_mesh, scene_on
 from mpi4py import MPI
 from scenes import table_of
 
@@ -14,22 +14,11 @@ from signorini_fx import MeshError
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.records import Status, Timings
-from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
 WORLD = MPI.COMM_WORLD
 UPPER, LOWER = Box("upper", 0.0, 1.0, 2.0, 1.0, 6, 3), Box("lower", 0.5, 0.0, 1.0, 1.0, 4, 4)
 BESIDE = Box("beside", 2.0, 2.0, 1.0, 1.5)
-# The mesh is given in Python; a scene as a dictionary needs one all the same.
-MESH = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 1.0, "nx": 1, "ny": 1}}
-
-
-def scene_on(mesh, **effects):
-    """A scene on a mesh of one's own."""
-    data = {"mesh": MESH, "material": {"young": 1000.0, "poisson": 0.3}, **effects}
-    return parse_scene(data).model_copy(update={"mesh": mesh})
-
-
 # --- which pieces there are ------------------------------------------------------------------------------------------
 
 

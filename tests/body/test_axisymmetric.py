@@ -5,6 +5,7 @@ import pytest
 from certifying import certify
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from revolved import section
 from scenes import alone
 
 from signorini_fx import ConvergenceError, SceneError
@@ -19,17 +20,7 @@ from signorini_fx.scenes.solver import solve
 
 COMM = MPI.COMM_WORLD
 YOUNG, POISSON = 200.0, 0.3
-CELLS = {"triangle": dmesh.CellType.triangle, "quadrilateral": dmesh.CellType.quadrilateral}
 ELEMENTS = [("quadrilateral", 1), ("quadrilateral", 2), ("triangle", 1), ("triangle", 2)]
-
-
-def section(inner=0.0, outer=2.0, height=1.0, cells="quadrilateral", counts=(8, 4), comm=COMM):
-    """A rectangle of radii and heights: a cylinder, or a ring."""
-    mesh = dmesh.create_rectangle(comm, [(inner, 0.0), (outer, height)], counts, CELLS[cells])
-    near = {"inside": (0, inner), "outside": (0, outer), "bottom": (1, 0.0), "top": (1, height)}
-    return tag_boundaries(
-        mesh, {name: lambda x, k=k, at=at: np.abs(x[k] - at) < 1e-9 for name, (k, at) in near.items()}
-    )
 
 
 def scene(tagged, degree=1, material=None, **more):
@@ -174,7 +165,7 @@ def test_thick_cylinder(cells, degree):
 def test_thick_sphere():
     """Lame: a hollow ball under a pressure inside, half of it on a plane of symmetry."""
     inner, outer, p = 1.0, 2.0, 3.0
-    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(inner, 0.0), (outer, 1.0)], (12, 24), CELLS["quadrilateral"])
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(inner, 0.0), (outer, 1.0)], (12, 24), dmesh.CellType.quadrilateral)
     radius, angle = mesh.geometry.x[:, 0].copy(), np.pi / 2 * mesh.geometry.x[:, 1].copy()
     mesh.geometry.x[:, 0], mesh.geometry.x[:, 1] = radius * np.cos(angle), radius * np.sin(angle)
     # A vertex is on the inner sphere, the outer one, or the plane of symmetry; what is left is the axis.

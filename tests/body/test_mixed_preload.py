@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bolts import PULL, TIGHT, clamped, figures
 from mpi4py import MPI
-from test_mixed import uneven
+from spaces import uneven
 
 from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.scenes.reading import parse_scene

@@ -5,8 +5,8 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from pressed_block import block, check, contact, coulomb
 from scenes import alone, example1
-from test_check import HURTING, LOOSE, block, check, contact, coulomb
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
@@ -128,32 +128,16 @@ def test_figures_of_known_fields(mesh, degree):
 # --- what check knows, solve says ------------------------------------------------------------------------------------
 
 TRIANGLES = {"generator": "rectangle", "parameters": {"nx": 12, "ny": 4, "cell": "triangle"}}
-SAID = {
-    **{f"{path}: {words}": block(**changes) for changes, path, words in HURTING},
-    **{name: case[0] for name, case in LOOSE.items()},
-    "locking": block(material={"young": 5000.0, "poisson": 0.499}, mesh=TRIANGLES),
-    "locking of quadrilaterals": block(material={"young": 5000.0, "poisson": 0.49}),
-}
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("name", SAID)
-def test_solve_says_what_check_warns_of(name, tmp_path, capsys):
-    """In the solution, on the terminal, in summary.json and in the report."""
-    expected = warned(check(SAID[name]).findings)
-    assert expected
-    solution = alone(SAID[name], check=False)
-    found = warned(solution.findings)
-    assert expected.keys() <= found.keys()  # the words are those of the result
 
 
 @pytest.mark.mpi
 def test_findings_are_the_same_on_every_rank():
-    """No rank keeps a warning to itself, whatever it owns of the boundary."""
+    """No rank keeps a warning to itself, whatever it owns of the boundary; check warns of no more."""
     scene = block(material={"young": 5000.0, "poisson": 0.499}, mesh=TRIANGLES, **coulomb(1.5))
     told = [(f.level, f.path, f.message) for f in solve(scene, WORLD, check=False).findings]
     assert all(other == told for other in WORLD.allgather(told))
     assert told == [(f.level, f.path, f.message) for f in alone(scene, check=False).findings]
+    assert warned(check(scene).findings).keys() <= {path for _, path, _ in told}
 
 
 def test_nothing_is_said_where_nothing_hurts():

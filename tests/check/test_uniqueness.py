@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 from mpi4py import MPI
-from test_coulomb_ways import one_triangle
+from scenes import one_triangle
 
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.scenes.checks import check_scene

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from revolved import section
 from scenes import alone
 from steel_blocks import ELEMENTS, PLANE, body
 
 from signorini_fx import SceneError
-from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -22,12 +21,6 @@ def scene(tagged, degree=1, material=None, element=None, **more):
     """A heated body."""
     element = {"degree": degree, **(element or {})}
     return parse_scene({"mesh": tagged, "element": element, "material": {**STEEL, **(material or {})}, **more})
-
-
-def section(inner=0.0, outer=2.0, height=1.0, counts=(8, 4), comm=COMM):
-    """A rectangle of radii and heights: a cylinder, or a ring."""
-    mesh = dmesh.create_rectangle(comm, [(inner, 0.0), (outer, height)], counts, PLANE["quadrilateral"])
-    return tag_boundaries(mesh, {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > height - 1e-9})
 
 
 def sides(cells, *, held=False):

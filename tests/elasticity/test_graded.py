@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from revolved import section
 from scenes import alone
 from steel_blocks import PLANE, body
-from test_axisymmetric import section
 
 from signorini_fx import SceneError
 from signorini_fx.scenes.checks import check_scene

@@ -1,7 +1,5 @@
 """The mixed element of Taylor and Hood: exact states for nu up to 1/2, rates without locking, contact as it is."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 import ufl
@@ -9,14 +7,13 @@ from certifying import certify
 from dolfinx import fem
 from hertz import RADIUS, YOUNG, ellipse, half_disk, profile
 from mpi4py import MPI
+from revolved import section
 from scenes import alone, rectangle
-from spaces import box
-from test_axisymmetric import section
+from spaces import uneven
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.elasticity.mixed_pressure import MixedDisplacement
-from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Discretised
@@ -25,26 +22,6 @@ from signorini_fx.scenes.solver import solve
 MIXED = {"degree": 2, "volumetric": "mixed"}
 CELLS = ["triangle", "quadrilateral", "tetrahedra", "hexahedra"]
 PLANE = ("triangle", "quadrilateral")
-
-
-def uneven(cell, comm=MPI.COMM_SELF, length=1.0):
-    """A block of uneven cells, 3 by 1 (by 1), with names for its sides: low0 is across x[0] = 0, high0 opposite."""
-    plane = cell in PLANE
-    size = (3.0, 1.0) if plane else (3.0, 1.0, 1.0)
-    if plane:
-        mesh = rectangle(comm, length=3.0, height=1.0, nx=4, ny=3, cell=cell).mesh
-    else:
-        mesh = box(cell, (3, 2, 2), size=size, comm=comm).mesh
-    ends = {f"{name}{k}": (k, at) for k, end in enumerate(size) for name, at in (("low", 0.0), ("high", end))}
-    tagged = tag_boundaries(
-        mesh, {name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at) for name, (k, at) in ends.items()}
-    )
-    x = mesh.geometry.x
-    bump = np.prod([np.sin(np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0)
-    x[:, 0] += 0.2 * bump
-    x[:, 1] -= 0.1 * bump
-    x *= length
-    return tagged
 
 
 def pressed(tagged, poisson, length=1.0, force=1.0, **solver):

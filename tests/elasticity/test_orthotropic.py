@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from revolved import section
 from scenes import alone
 from steel_blocks import PLANE, body, pushed_down
-from test_axisymmetric import section
 
 from signorini_fx import SceneError
 from signorini_fx.mechanics.elasticity.moduli import middles

@@ -11,9 +11,8 @@ from dolfinx import default_scalar_type, fem, jit
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from ranks import same_on_all_ranks
-from scenes import example1
-from spaces import block, box
-from test_krylov import LAWS, agree
+from scenes import example1, same_answer
+from spaces import LAWS, block, box
 from two_bodies import paraboloids
 
 from signorini_fx.algebra.linalg import blocks, kernels, krylov
@@ -117,7 +116,7 @@ def test_blocks_change_no_answer(name, either):
     """As many Krylov steps, displacements and tractions to 1e-12: the V-cycle in single precision costs nothing."""
     (ours, steps), (theirs, wanted) = either(BODIES[name])
     assert steps == wanted
-    agree(ours, theirs, 1e-12)
+    same_answer(ours, theirs, 1e-12)
 
 
 def test_two_bodies_by_blocks(either):

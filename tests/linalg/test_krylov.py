@@ -5,22 +5,34 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 from ranks import same_on_all_ranks
-from scenes import alone, example1
-from spaces import block, friction_of, pushed_brick
-from test_linalg import turned
+from scenes import alone, example1, same_answer, table_of
+from spaces import LAWS, block, friction_of, pushed_brick
 
 from signorini_fx.algebra.linalg import choice, factorisation, krylov, multigrid
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.records import History, Status, Timings
+from signorini_fx.records import History, Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.mesh_sequence import MeshedScene
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving.nested import solve_nested
 
 WORLD = MPI.COMM_WORLD
-LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3, "coulomb": "newton"}}
+
+
+def turned(**solver):
+    """Half a disk, whose contact nodes have normals of their own, held by friction."""
+    return parse_scene(
+        {
+            "mesh": {"generator": "half_disk", "parameters": {"radius": 1.0, "size": 0.2, "contact_size": 0.1}},
+            "material": {"young": 5000.0, "poisson": 0.3},
+            "traction": {"boundary": "top", "x": 0.5, "y": -5.0},
+            "contact": {"boundary": "arc", "gap": 1e-3, "friction": {"law": "tresca", "bound": 1.0}},
+            "solver": solver,
+        }
+    )
 
 
 @pytest.fixture
@@ -52,19 +64,6 @@ def set_ups(monkeypatch):
 
     monkeypatch.setattr(multigrid.Hierarchy, "of", counted)
     return sizes
-
-
-def agree(ours, theirs, share=1e-8):
-    """Status, sets, displacement and tractions of two solutions of one rank."""
-    assert ours.status is theirs.status is Status.CONVERGED
-    assert ours.certificate.holds
-    wanted = theirs.displacement.x.array
-    np.testing.assert_allclose(ours.displacement.x.array, wanted, rtol=0, atol=share * np.abs(wanted).max())
-    found, wanted = ours.contact, theirs.contact
-    np.testing.assert_array_equal(found.in_contact, wanted.in_contact)
-    size = max(np.abs(wanted.pressure).max(), np.abs(wanted.shear).max())
-    for name in ("pressure", "shear"):
-        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=0, atol=share * size, err_msg=name)
 
 
 def leaning(comm=MPI.COMM_SELF, **solver):
@@ -105,7 +104,7 @@ def test_same_answer_as_a_factorisation(name, set_ups):
     """To 1e-8 of the largest, with one hierarchy for each mesh, whatever contact does on it."""
     ours, theirs = (alone(SCENES[name](linear_algebra=kind)) for kind in ("krylov", "full"))
     assert ours.linear_algebra.startswith("krylov")
-    agree(ours, theirs)
+    same_answer(ours, theirs)
     assert len(set_ups) == (3 if name == "nested" else 1)
     assert sorted(set(set_ups)) == sorted(set_ups)
 
@@ -178,7 +177,7 @@ def test_options_of_the_user_win(options, method, kind, steps):
         for name in options:
             table.delValue(name)
     assert {(found, preconditioner) for _, found, preconditioner, _ in steps} == {(method, kind)}
-    agree(solution, reference, share=1e-7)
+    same_answer(solution, reference, share=1e-7)
     if "ksp_rtol" in options:  # no solve is loose
         assert min(count for *_, count in steps) >= 8
 
@@ -241,3 +240,13 @@ def test_one_rank_or_many(name, steps):
         size = max(np.abs(wanted[one]).max() for one in group)
         for one in group:
             np.testing.assert_allclose(table[one], wanted[one], rtol=0, atol=1e-8 * size, err_msg=one)
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize("algorithm", ["ssn", "alm"])
+def test_condensed_with_turned_nodes(algorithm):
+    """The dense matrix in the frames of the nodes, against the sparse one."""
+    ours, theirs = (table_of(alone(turned(algorithm=algorithm, linear_algebra=k))) for k in ("condensed", "full"))
+    for name in ("pressure", "shear"):
+        close = 1e-7 * theirs.columns["pressure"].max()
+        np.testing.assert_allclose(ours.columns[name], theirs.columns[name], rtol=0, atol=close)

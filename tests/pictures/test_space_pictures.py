@@ -11,12 +11,11 @@ from drawing import needs_pictures_in_3d
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
 from matplotlib.quiver import Quiver
+from mesh_files import arrays_of
 from mpi4py import MPI
 from PIL import Image
 from scenes import alone
 from spaces import block, box, friction_of
-from test_fields import arrays_of
-from test_report import Page
 
 from signorini_fx.addons.pictures import contact_surface, gather, results
 from signorini_fx.addons.pictures.boundary_profiles import STATES
@@ -237,7 +236,7 @@ def test_too_many_facets(tmp_path, monkeypatch, capsys):
         assert not (tmp_path / "out" / "deformed.png").exists()
         assert (tmp_path / "out" / "contact_surface.png").exists()
         page.write_report(folder)
-        assert "too many facets" in Page(tmp_path / "out").text
+        assert "too many facets" in (tmp_path / "out" / page.PAGE).read_text(encoding="utf-8")
 
 
 # --- the page --------------------------------------------------------------------------------------------------------

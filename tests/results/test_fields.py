@@ -1,10 +1,10 @@
 """The files of fields: their formats, what a reader finds in them, and what is left of older ones."""
 
-import base64
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from mesh_files import arrays_of
 from mpi4py import MPI
 from spaces import box
 
@@ -45,17 +45,6 @@ def stretched(cells, degree):
             "displacement": [{"boundary": name, **moves} for name in sides],
         }
     )
-
-
-def arrays_of(file):
-    """The arrays of a file by name, one row per point, cell or corner."""
-    found = {}
-    for array in ElementTree.parse(file).iter("DataArray"):
-        data = base64.b64decode(array.text)
-        assert np.frombuffer(data[:8], np.uint64)[0] == len(data) - 8
-        values = np.frombuffer(data[8:], np.dtype(array.get("type").lower()))
-        found[array.get("Name")] = values.reshape(-1, int(array.get("NumberOfComponents") or 1))
-    return found
 
 
 @pytest.mark.one_quick

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from boxes import Box, boxes_mesh
+from boxes import Box, boxes_mesh, scene_on
 from mpi4py import MPI
 from scenes import alone
 from scipy.optimize import linprog
-from test_pieces import scene_on
 
 from signorini_fx.addons.report.page import write_report
 from signorini_fx.results.files import write_results

@@ -5,9 +5,9 @@ import json
 
 import numpy as np
 import pytest
+from mesh_files import arrays_of
 from scenes import alone
 from spaces import block, box, friction_of
-from test_fields import arrays_of
 
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes.reading import parse_scene

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
+from signorini_fx.scenes.reading import parse_scene
 
 
 @dataclass(frozen=True)
@@ -60,3 +61,8 @@ def boxes_mesh(comm, boxes, *, joined=(), quadrilaterals=True):
         gmsh.model.mesh.generate(2)
 
     return gmsh_mesh(comm, draw, "boxes")
+
+
+def scene_on(mesh, **effects):
+    """A scene on a mesh of one's own."""
+    return parse_scene({"mesh": mesh, "material": {"young": 1000.0, "poisson": 0.3}, **effects})

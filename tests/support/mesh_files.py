@@ -1,4 +1,9 @@
-"""Mesh files as gmsh writes them."""
+"""Mesh files as gmsh writes them, and what files of fields hold."""
+
+import base64
+from xml.etree import ElementTree
+
+import numpy as np
 
 from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
 
@@ -13,3 +18,14 @@ def write_msh(source, file, degree=None):
             gmsh.model.mesh.setOrder(degree)
         gmsh.write(str(file))
     return file
+
+
+def arrays_of(file):
+    """The arrays of a file by name, one row per point, cell or corner."""
+    found = {}
+    for array in ElementTree.parse(file).iter("DataArray"):
+        data = base64.b64decode(array.text)
+        assert np.frombuffer(data[:8], np.uint64)[0] == len(data) - 8
+        values = np.frombuffer(data[8:], np.dtype(array.get("type").lower()))
+        found[array.get("Name")] = values.reshape(-1, int(array.get("NumberOfComponents") or 1))
+    return found

@@ -11,7 +11,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from two_bodies import assembled, grid
 
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.scenes.reading import parse_scene
 
 # Sides of a box by the direction across and the end.
@@ -123,3 +123,12 @@ class Bodies:
             "contact": contacts,
         }
         return parse_scene({key: value for key, value in given.items() if value} | more)
+
+
+def section(inner=0.0, outer=2.0, height=1.0, cells="quadrilateral", counts=(8, 4), comm=MPI.COMM_WORLD):
+    """A rectangle of radii and heights: a cylinder, or a ring."""
+    mesh = dmesh.create_rectangle(comm, [(inner, 0.0), (outer, height)], counts, dmesh.CellType[cells])
+    near = {"inside": (0, inner), "outside": (0, outer), "bottom": (1, 0.0), "top": (1, height)}
+    return tag_boundaries(
+        mesh, {name: lambda x, k=k, at=at: np.abs(x[k] - at) < 1e-9 for name, (k, at) in near.items()}
+    )

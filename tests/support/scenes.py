@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
+import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.mechanics.mesh.tagged import generate_mesh
+from signorini_fx.mechanics.mesh.tagged import generate_mesh, gmsh_mesh
+from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -81,6 +85,36 @@ def bar_on_a_bowl(nx, law, start):
     )
 
 
+def draw_triangle(gmsh):
+    """One cell with a free node, and sides of contact and support."""
+    geo = gmsh.model.geo
+    corners = [geo.addPoint(x, y, 0.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0 + np.sqrt(3.0), 1.0))]
+    lines = [geo.addLine(*ends) for ends in itertools.pairwise([*corners, corners[0]])]
+    for line in lines:
+        geo.mesh.setTransfiniteCurve(line, 2)
+    body = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    geo.mesh.setTransfiniteSurface(body)
+    geo.synchronize()
+    gmsh.model.addPhysicalGroup(2, [body], name="body")
+    for name, line in zip(("contact", "support"), lines, strict=False):
+        gmsh.model.addPhysicalGroup(1, [line], name=name)
+    gmsh.model.mesh.generate(2)
+
+
+def one_triangle(coefficient, force, **solver):
+    """One linear triangle with one free node, whose stiffness is known."""
+    return parse_scene(
+        {
+            "mesh": gmsh_mesh(MPI.COMM_SELF, draw_triangle, name="triangle"),
+            "material": {"young": 2.5, "poisson": 0.25},
+            "displacement": {"boundary": "support", "x": 0.0, "y": 0.0},
+            "body_force": {"x": force[0], "y": force[1]},
+            "contact": {"boundary": "contact", "friction": {"law": "coulomb", "coefficient": coefficient}},
+            "solver": solver,
+        }
+    )
+
+
 def on_mesh(scene, tagged):
     """The same scene on a mesh of one's own."""
     return scene.model_copy(update={"mesh": tagged})
@@ -104,6 +138,19 @@ def energy(solution):
 def table_of(solution):
     """The contact nodes as a table, in order along the boundary."""
     return contact_table(solution.contact, [effect.boundary for effect in solution.statement.contact])
+
+
+def same_answer(ours, theirs, share=1e-8):
+    """Status, sets, displacement and tractions of two solutions of one rank."""
+    assert ours.status is theirs.status is Status.CONVERGED
+    assert ours.certificate.holds
+    wanted = theirs.displacement.x.array
+    np.testing.assert_allclose(ours.displacement.x.array, wanted, rtol=0, atol=share * np.abs(wanted).max())
+    found, wanted = ours.contact, theirs.contact
+    np.testing.assert_array_equal(found.in_contact, wanted.in_contact)
+    size = max(np.abs(wanted.pressure).max(), np.abs(wanted.shear).max())
+    for name in ("pressure", "shear"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=0, atol=share * size, err_msg=name)
 
 
 def stack_of_three(lift, below, above, gap=0.0, size=1.0, stress=1.0, **solver):

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scenes import rectangle
 
 from signorini_fx.mechanics.contact_points import contact_boundary
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.scenes.reading import parse_scene
 
 CELLS = {"hexahedra": dmesh.CellType.hexahedron, "tetrahedra": dmesh.CellType.tetrahedron}
+LAWS = {"none": {}, "tresca": {"bound": 1.5}, "coulomb": {"coefficient": 0.3, "coulomb": "newton"}}
 
 
 def box(cells, shape, *, size=(3.0, 1.0, 1.0), comm=MPI.COMM_SELF):
@@ -23,6 +27,26 @@ def box(cells, shape, *, size=(3.0, 1.0, 1.0), comm=MPI.COMM_SELF):
         for name, place in zip(pair, (0.0, size[axis]), strict=True):
             markers[name] = lambda x, axis=axis, place=place: np.abs(x[axis] - place) < near
     return tag_boundaries(mesh, markers)
+
+
+def uneven(cell, comm=MPI.COMM_SELF, length=1.0):
+    """A block of uneven cells, 3 by 1 (by 1), with names for its sides: low0 is across x[0] = 0, high0 opposite."""
+    plane = cell not in CELLS
+    size = (3.0, 1.0) if plane else (3.0, 1.0, 1.0)
+    if plane:
+        mesh = rectangle(comm, length=3.0, height=1.0, nx=4, ny=3, cell=cell).mesh
+    else:
+        mesh = box(cell, (3, 2, 2), size=size, comm=comm).mesh
+    ends = {f"{name}{k}": (k, at) for k, end in enumerate(size) for name, at in (("low", 0.0), ("high", end))}
+    tagged = tag_boundaries(
+        mesh, {name: partial(lambda x, k, at: np.isclose(x[k], at), k=k, at=at) for name, (k, at) in ends.items()}
+    )
+    x = mesh.geometry.x
+    bump = np.prod([np.sin(np.pi * x[:, k] / end) for k, end in enumerate(size)], axis=0)
+    x[:, 0] += 0.2 * bump
+    x[:, 1] -= 0.1 * bump
+    x *= length
+    return tagged
 
 
 def disc(cells="hexahedra", n=12, radius=1.0, height=0.5, layers=3):
