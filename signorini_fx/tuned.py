@@ -340,6 +340,11 @@ PARTS_OF_EDGE, DIVISIONS = 3, 2
 # tests/bounds/test_lifted_tractions.py.
 ROUNDED_FORMS = 1e3
 
+# --- check: what it warns of -----------------------------------------------------------------------------------------
+
+# A gap is far if it is this many times larger than prescribed displacements; above so many times the yield stress a
+# share is no longer told in per cent.  Choice.
+FAR_GAP = 10.0
 # --- derivatives and friction laws of users --------------------------------------------------------------------------
 
 # Change of a datum or a Constant for a difference of residuals, relative to it, or to the natural unit of one that is

@@ -15,7 +15,7 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.records import SHORT_OF_ACCURACY, Status
-from signorini_fx.tuned import NEGLIGIBLE, NOTABLE
+from signorini_fx.tuned import FAR_GAP, NEGLIGIBLE
 
 
 class Validity(Enum):
@@ -250,8 +250,8 @@ def share_in_words(summary: dict[str, Any], of: str = "") -> str:
     largest, apart = summary["utilisation"], between(summary["stress"])
     share = largest["value"]
     if share is not None and share > 1 and largest.get("no_limit"):
-        return f"{'far ' * (share > 1 / NOTABLE)}above {of or '100 %'}"
-    if share is not None and share > 1 / NOTABLE:
+        return f"{'far ' * (share > FAR_GAP)}above {of or '100 %'}"
+    if share is not None and share > FAR_GAP:
         return f"{figure(share, apart)} times{' ' * bool(of)}{of}"
     return f"{figure(None if share is None else 100 * share, apart)} %{' of ' * bool(of)}{of}"
 

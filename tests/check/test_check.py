@@ -207,16 +207,17 @@ def test_bodies_that_nothing_holds(case):
 
 
 def test_units_that_do_not_agree():
-    """A modulus in GPa for a load in kPa: the body would move by more than its size; one in Pa for a load in MPa."""
+    """A modulus in GPa for a load in kPa: the body would move by more than its size, and the summary says so too."""
     data = block(material={"young": 5.0, "poisson": 0.3}, traction={"boundary": "top", "y": -2000.0})
+    assert "check the units of E and of the loads" in said(data)["material, traction, body_force, displacement"]
     solution = alone(data, check=False)
     assert solution.status is Status.TOO_LARGE
     assert solution.certificate.displacement > 1
     assert "check the units of E" in render(summarise(solution))
     path, load = "material, traction, body_force, displacement", {"boundary": "top", "y": -2.0}
     for young, odd in ((2.1e11, True), (2.1e5, False)):
-        steel = alone(block(material={"young": young, "poisson": 0.3}, traction=load))
-        assert any("in the same units?" in found.message for found in steel.findings if found.path == path) is odd
+        steel = block(material={"young": young, "poisson": 0.3}, traction=load)
+        assert ("same units, such as MPa?" in said(steel, "note").get(path, "")) is odd
 
 
 @pytest.mark.parametrize("law", ["tresca", "coulomb"])
@@ -248,12 +249,18 @@ def test_tipping():
 
 
 HURTING = [
+    (contact(gap=1e3), "contact.gap", "contact is unlikely to close"),
     (
         {"displacement": {"boundary": "top", "x": 0.0, "y": 0.0}, **contact(gap=-1.0)},
         "contact.gap",
         "penetrates its foundation",
     ),
     ({"traction": [], **contact(gap=0.1)}, "traction, body_force, displacement", "the solution is 0"),
+    (
+        {"traction": [], "displacement": {"boundary": "left", "x": 1e-3, "y": 0.0}, **contact(gap=0.1)},
+        "contact.gap",
+        "contact is unlikely to close",
+    ),
     (
         {
             "traction": [

@@ -23,22 +23,24 @@ from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding
 from signorini_fx.solving.check.balanced_loads import equilibrium
-from signorini_fx.tuned import NO_FORCE
+from signorini_fx.tuned import FAR_GAP, NO_FORCE, ROOT_OF_EPS
 
 
 def scene_findings(body: Model) -> list[Finding]:
     """Findings about the scene and its mesh; collective, the same on every rank."""
     statement, data = body.statement, body.data
+    prescribed, force = _largest_loads(body)
     findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
     findings += [
         *_pieces(body),
         *_locking(body, reduced=body.elastic.reduced is not None or statement.element.degree > 1),
         *_idle(body),
         *equilibrium(body),
+        *_units(body, prescribed, force),
     ]
     if body.boundary is not None and data is not None:
         findings += [
-            *_gaps(body, data),
+            *_gaps(body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)),
             *_inwards(body),
         ]
     return findings
@@ -107,8 +109,8 @@ def _pieces(body: Model) -> list[Finding]:
 # --- gaps and displacements ------------------------------------------------------------------------------------------
 
 
-def _gaps(body: Model, data: RegularisedData) -> list[Finding]:
-    """Gaps that are negative, or that nothing closes."""
+def _gaps(body: Model, data: RegularisedData, reach: float) -> list[Finding]:
+    """Gaps that are negative, or wider than ``reach``, by which displacements and loads may move the body, length."""
     boundary = body.boundary
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
@@ -129,6 +131,12 @@ def _gaps(body: Model, data: RegularisedData) -> list[Finding]:
     if smallest >= -NO_FORCE * size and not _acts(body):
         message = "there is no load, and every prescribed displacement is 0: the solution is 0"
         findings.append(Finding("warning", "traction, body_force, displacement", message))
+    elif smallest > reach > 0:
+        message = (
+            f"the smallest gap is {smallest:g}, farther than prescribed displacements and loads can move the body: "
+            "contact is unlikely to close; check the gap and the units"
+        )
+        findings.append(Finding("warning", "contact.gap", message))
     return findings
 
 
@@ -161,6 +169,32 @@ def _inwards(body: Model) -> list[Finding]:
     return findings
 
 
+def _units(body: Model, prescribed: float, force: float) -> list[Finding]:
+    """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent;
+    ``prescribed``: the largest prescribed displacement, length; ``force``: the largest sum of the nodal loads.
+    """
+    path = f"material, {body.statement.forces_at}, displacement"
+    low, high = parallel.global_bounds(body.comm, body.tagged.mesh.geometry.x.astype(np.float64))
+    section = body.scales.depth * float(np.prod(np.sort(high - low)[::-1][: body.tagged.mesh.topology.dim - 1]))
+    moduli = [material.natural_modulus for material in body.statement.material]
+    least, most = (
+        max(prescribed / body.tagged.size, force / modulus / section) for modulus in (max(moduli), min(moduli))
+    )
+    if least >= 1:
+        message = (
+            f"loads and prescribed displacements strain the body by about {least:.1g}: the deformation is not small; "
+            "check the units of E and of the loads"
+        )
+        return [Finding("warning", path, message)]
+    if 0 < most < ROOT_OF_EPS:
+        message = (
+            f"loads and prescribed displacements strain the body by about {most:.1g} only: are E and the loads in the "
+            "same units, such as MPa?"
+        )
+        return [Finding("note", path, message)]
+    return []
+
+
 def _acts(body: Model) -> bool:
     """Whether there is a load or a prescribed displacement in any load step; collective."""
     steps = range(body.statement.steps)
@@ -168,6 +202,19 @@ def _acts(body: Model) -> bool:
     given = [values for load in acting for values in (load.forces, load.start)]
     given += [values for load in acting if load.driven for values in (load.driven.forces, load.driven.motion)]
     return parallel.any_rank(body.comm, any(values.any() for values in given))
+
+
+def _largest_loads(body: Model) -> tuple[float, float]:
+    """The largest displacement that a load step prescribes, length, and the largest sum of its nodal loads."""
+    prescribed = force = 0.0
+    for step in range(body.statement.steps):
+        applied = body.applied_at(step)
+        start = sum((factor * load.start for factor, load in applied), np.zeros(body.fixed.size))
+        prescribed = max(prescribed, parallel.largest(body.comm, np.abs(start)))
+        forces = sum((factor * load.forces for factor, load in applied if not load.balanced), np.zeros(body.fixed.size))
+        sizes = np.linalg.norm(np.reshape(forces, (-1, body.space.dofmap.bs)), axis=1)
+        force = max(force, float(parallel.global_sum(body.comm, sizes.sum())))
+    return prescribed, force
 
 
 # --- refusals --------------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.motion_names import rounded
 from signorini_fx.records import Finding
-from signorini_fx.tuned import NOTABLE, ROOT_OF_EPS, SAME_LENGTH
+from signorini_fx.tuned import NOTABLE, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 
@@ -150,9 +150,6 @@ def result_findings(
             "normals are those of its initial position; check the gap and the unit of lengths"
         )
         findings.append(Finding("warning", "contact.gap, displacement", message))
-    elif 0 < worst.gradient < ROOT_OF_EPS:
-        message = f"strains and rotations are {worst.gradient:.2g} on average: are E and the loads in the same units?"
-        findings.append(Finding("note", "material, traction, body_force, displacement", message))
     return [*findings, *untouched(touching=touching)]
 
 
