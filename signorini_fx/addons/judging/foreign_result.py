@@ -60,11 +60,11 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     if isinstance(result, str | Path):
         return _read(Path(result), problem)
     nodes, dim = problem.points.shape
-    values: Any = np.ma.asarray(result)
+    values: Any = np.ma.asarray(result)  # type: ignore[no-untyped-call]
     if values.dtype.kind not in "iuf" or values.shape not in ((nodes, dim), (nodes, 3)):
         raise MeshError(f"the result: real numbers of shape {(nodes, dim)} are expected, not of {values.shape}")
-    missing = np.ma.getmaskarray(values)[:, :dim]
-    known = _finite(np.ma.getdata(values)[:, :dim].astype(np.float64))
+    missing = np.ma.getmaskarray(values)[:, :dim]  # type: ignore[no-untyped-call]
+    known = _finite(np.ma.getdata(values)[:, :dim].astype(np.float64))  # type: ignore[no-untyped-call]
     return ForeignResult("the result", "", np.where(missing, np.nan, known))
 
 

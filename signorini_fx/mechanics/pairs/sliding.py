@@ -224,7 +224,8 @@ def slide(
     gap = np.full(count, np.inf)
     pieces = None
     if at.size:
-        mean = placed_rows(scaled_rows(1.0 / found.weight, shares), at, count)  # of moments of the functions
+        inverse = np.asarray(1.0 / found.weight, dtype=np.float64)
+        mean = placed_rows(scaled_rows(inverse, shares), at, count)  # of moments of the functions
         pieces = SlidingPieces.of(slave, master, tested, directions, mean)
         gap[at] = pieces.gap[at]
         normal_rows = normal_rows - pieces.rows
