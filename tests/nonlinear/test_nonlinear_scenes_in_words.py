@@ -64,9 +64,6 @@ REFUSED = {
     "material.young: must be greater than 0": {"material": RUBBER | {"young": -1.0}},
     "material.mu[1]: must have the sign of its exponent": {"material": material("ogden", mu=[40.0, -2.0, -5.0])},
     "material.alpha: has 1 exponents, one for each of 3": {"material": material("ogden", alpha=[2.0])},
-    "material.hardening[1]: the yield stress grows by 1e+31": {
-        "material": material("j2", hardening=[[0.1, 2e3], [0.2, 1e30]])
-    },
     "material.hardening[1]: plastic strains must increase": {
         "material": material("j2", hardening=[[0.1, 2e3], [0.2, 1.5e3]])
     },

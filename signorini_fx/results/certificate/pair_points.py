@@ -54,7 +54,7 @@ class PairPoints(Protocol):
 
 
 @dataclass(frozen=True)
-class FrozenPoints:
+class FrozenPoints(PairPoints):
     """Those of a pair whose points keep the partners that they have where both sides are undeformed."""
 
     pair: PairedSides
@@ -89,7 +89,7 @@ class FrozenPoints:
 
 
 @dataclass(frozen=True)
-class SlidingPoints:
+class SlidingPoints(PairPoints):
     """Those of sides that slide on each other, where the displacement has moved them.
 
     Attributes:

@@ -352,11 +352,11 @@ def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
     keys = row_keys(cells[:, corners].reshape(-1, corners.shape[1]))
     counts = np.bincount(keys)
     alone = np.flatnonzero(counts[keys] == 1)
+    hint = "gmsh's format 2.2 has cells twice where physical groups overlap: write 4.1"
     if counts.max() > 2:
-        hint = "gmsh's format 2.2 has cells twice where physical groups overlap: write 4.1"
         raise MeshError(f"{name}: a facet belongs to {counts.max()} cells ({hint})")
     if not alone.size:
-        raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells")
+        raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells ({hint})")
     rows, sides = np.divmod(alone, len(facet_nodes))
     return cells[rows[:, None], facet_nodes[sides]]
 
