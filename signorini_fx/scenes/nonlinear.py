@@ -39,10 +39,9 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Status, Timings
-from signorini_fx.results.certificate.nonlinear_forces import NonlinearForces
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.mechanics import StepResult
-from signorini_fx.results.nonlinear_stresses import NonlinearStresses, StatesOnPath
+from signorini_fx.results.nonlinear_stresses import NonlinearForces, NonlinearStresses, StatesOnPath
 from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.solution import ConvergenceError, Solution, advice_on_nonlinear
 from signorini_fx.scenes.mesh import load_mesh

@@ -189,7 +189,7 @@ class LinearisedProblem(FormSolver):
     Attributes:
         stated: the foundations and pairs as they were given; ``contact`` has gaps and directions in place of shapes.
         shapes: of the foundations that have one, by their numbers.
-        extent: of the mesh, the diagonal of its box, length.
+        extent: the diameter of the undeformed body, length.
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
         definite: whether it is taken to be positive definite.
@@ -236,9 +236,7 @@ class LinearisedProblem(FormSolver):
         dim = mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative: Array | None = None  # see ``MovingTools.relative_stiffness``
-        self._diameter = super()._size()
-        bounds = parallel.global_bounds(mesh.comm, mesh.geometry.x.astype(np.float64))
-        self.extent = float(np.linalg.norm(np.ptp(bounds, axis=0)))
+        self.extent = super()._size()
         foundations = self.foundations
         self.shapes |= {k: self._shape_of(k, entry) for k, entry in enumerate(contact) if entry.shape is not None}
         foundations.at, foundations.sliding, foundations.shapes_of_tools = at, {}, self.shapes
@@ -433,17 +431,13 @@ class LinearisedProblem(FormSolver):
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
-        pairs = [values for pair in self.pairs.values() for values in pair.fingerprint]
-        joint = [part.matrix.data for part in self.curvature.joint]
-        tools = [] if self.relative is None else [self.relative]
-        if self.rigid.bodies:  # arms change with both
-            tools += [self.moving_tools.coordinates, self._at.x.array]
-        elif len(self.pairs) < sum(entry.against is not None for entry in self.contact):
-            tools += [self._at.x.array]  # which normals follow
-        return self.curvature.nodes, self.curvature.blocks, np.asarray(self._evaluated.loads), *pairs, *joint, *tools
+        loads, where = np.asarray(self._evaluated.loads), [self.moving_tools.coordinates, self._at.x.array]
+        follows = any(entry.against is not None and not entry.bonded for entry in self.contact) or self.rigid.bodies
+        curvature = self.curvature.nodes, self.curvature.blocks
+        return *curvature, loads, *(where if follows else ())
 
     def _size(self) -> float:
-        return self._diameter
+        return self.extent
 
     def _moved(self, boundary: ContactBoundary) -> Array | None:
         return motion_at(boundary, boundary.x, self.shapes, self._begun_places)
@@ -541,10 +535,7 @@ class LinearisedProblem(FormSolver):
         newton = self.task.newton
         self.task.begin_step(begun)
         newton.pose(begun.data, sets)
-        counted = self._at.copy()
-        if (resting := self.task.rest) is not None:
-            counted.x.array[:] -= self.elastic.motions.displacement(resting.motion).ravel()
-        x = self.task.system.unknowns(self.elastic.unknowns(counted))
+        x = self.task.system.unknowns(self.elastic.unknowns(self._at))
         newton.restore((x, newton.problem.sets, newton.problem.data))
         self.show(Outcome(status, newton, begun.data), None)
 

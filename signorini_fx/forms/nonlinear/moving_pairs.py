@@ -125,12 +125,6 @@ class MovingPair:
         tangents[held] = np.stack((across, np.cross(normal, across)), axis=2)
         return tangents
 
-    @property
-    def fingerprint(self) -> list[Array]:
-        """What the contact points depend on."""
-        coupling = self.coupling
-        return [coupling.normal_rows.data, coupling.tangent_rows.data, coupling.weight, coupling.gap]
-
 
 def _normals_of(tangents: Array) -> Array:
     """The normals that make frames of tangents in 3D, shape (n, 3)."""
