@@ -132,12 +132,12 @@ _ADVICE = {
     Status.INSIDE: (
         "a part of a rigid shape is inside the body, or has passed through it since the last solution: begin where it "
         "is outside (the body is on the left of a line of points: else reverse their order), move it in smaller steps, "
-        "as ramp does, and take facets that are not wider than the shape"
+        "and take facets that are not wider than the shape"
     ),
     Status.PASSED: (
         "a body is inside another one, or has passed through it, where contact does not see it: begin where they are "
-        "apart, move them in smaller steps, as ramp does, name all sides that may touch, and give no reach below the "
-        "distance by which supports move sides into each other"
+        "apart, move them in smaller steps, name all sides that may touch, and give no reach below the distance by "
+        "which supports move sides into each other"
     ),
     Status.FOLDED: (
         "along one direction a point sees the other side twice, as where that folds: take smaller steps, or give a "
@@ -157,8 +157,9 @@ _ADVICE = {
         "allow a smaller step, or take a material that keeps its stiffness under compression, as neo-Hooke does"
     ),
     Status.NOT_SOLVED: (
-        "Newton's method fails, which does not prove that there is no solution: take smaller load steps, "
-        "see load_steps, or refine the mesh"
+        "Newton's method fails, which does not prove that there is no solution: take smaller load steps, near a limit "
+        "point prescribe a displacement instead of a force, or refine the mesh; of your own forms raise max_newton, or "
+        "give the derivative of F as J"
     ),
     Status.NO_DIGIT: (
         "round-off of the residual, or of the places of displaced points, is as large as what loads do, so that the "

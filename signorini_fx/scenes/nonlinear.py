@@ -38,12 +38,12 @@ from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.nonlinear_stresses import NonlinearForces, NonlinearStresses, StatesOnPath
 from signorini_fx.results.resultants import NamedForces
-from signorini_fx.results.solution import ConvergenceError, Solution, advice_on_nonlinear
+from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.check.findings import nonlinear_findings, refuse_beforehand
@@ -284,9 +284,6 @@ class StatedOrigin(Origin):
         ):
             return ""
         return f"it is {size:.3g}, of small strains at most {limit:g}"
-
-    def advice_on(self, status: Status) -> str:
-        return advice_on_nonlinear(status, self.problem.statement)
 
     def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
         anew, problem = self.anew, self.problem

@@ -26,15 +26,12 @@ def test_wrong_arguments_are_named():
     z, w = ufl.TestFunction(space), ufl.TrialFunction(space)
     other = ufl.TrialFunction(rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)[0])
     for arguments, wrong in (
-        ({"max_newton": 2.5}, "max_newton: must be a whole number, 1 or more, not 2.5"),
-        ({"max_newton": 0}, "max_newton: must be a whole number"),
         ({"J": z[0] * ufl.dx}, "J: must have 2 arguments, not 1"),
         ({"J": "K"}, "J: must be a UFL form"),
         ({"J": ufl.Form([])}, "J: is zero"),
         ({"J": ufl.inner(other, ufl.TestFunction(other.ufl_function_space())) * ufl.dx}, "J: its arguments are on"),
         ({"P": ufl.inner(w, z) * ufl.dx}, "P: is not used"),
         ({"kind": "mpi"}, "kind: is not used"),
-        ({"update": 3}, "update: must be a function without arguments"),
         ({"gamma": 1.0}, "gamma"),
     ):
         with pytest.raises(FormError, match=wrong) as raised:

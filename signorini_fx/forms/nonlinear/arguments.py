@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from numbers import Integral
 from typing import Any
 
 import ufl
@@ -17,28 +16,13 @@ from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.values import kind_of
 
 
-def checked(
-    F: Any,
-    u: Any,
-    J: Any,
-    contact: Sequence[Foundation | Pair],
-    update: Any,
-    commit: Any,
-    max_newton: Any,
-) -> tuple[Foundation | Pair, ...]:
+def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tuple[Foundation | Pair, ...]:
     """The foundations and pairs, if the arguments fit each other.
 
     Raises:
         FormError: they do not.
     """
     problems = list[tuple[str, str]]()
-    if not isinstance(max_newton, Integral) or isinstance(max_newton, bool) or max_newton < 1:
-        problems.append(("max_newton", f"must be a whole number, 1 or more, not {max_newton!r}"))
-    problems += [
-        (name, f"must be a function without arguments, not {kind_of(function)}")
-        for name, function in (("update", update), ("commit", commit))
-        if function is not None and not callable(function)
-    ]
     problems += [fault for k, entry in enumerate(contact) if slides(entry) for fault in _faults(k, entry)]
     instead = "prescribe the displacement of this boundary, or tie it to a stiff body (against, sliding = False)"
     problems += [

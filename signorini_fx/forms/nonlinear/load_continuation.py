@@ -181,7 +181,7 @@ class Continuation:
                 reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
                 raise FormError(reasons, error.source) from error.__cause__
             assert status is not None
-            solver.status, advice = status, solver.origin.advice_on(status)
+            solver.status, advice = status, outcomes.advice_on(status)
             text = f"{solver.failure}: at {end}; {last}"
             if status is Status.LIMIT:
                 text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"

@@ -70,10 +70,6 @@ class Origin:
         """The same with the loads that are not in F."""
         return mechanics
 
-    def advice_on(self, status: Status) -> str:
-        """What to do about the outcome of a solve."""
-        return outcomes.advice_on_forms(status)
-
 
 @dataclass
 class EquilibriumSolver:
@@ -130,17 +126,13 @@ class EquilibriumSolver:
 
     @property
     def _least_increment(self) -> float:
-        """Increments that may be round-off of the body, of the places where contact is met, or of where a body is that
-        nothing presses on, length; collective.
+        """Increments that may be round-off of the body, of its places, or of where a body is that nothing presses on,
+        length; collective.
         """
         linear, mesh = self.linear, self.linear.space.mesh
-        least = [LEAST_INCREMENT * linear.extent]
-        if linear.shapes or linear.pairs:
-            farthest = float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
-            least.append(UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest)
-        if linear.loose:
-            least.append(linear.scales.coordinate_error / NO_FORCE)
-        return max(least)
+        farthest = float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
+        loose = linear.scales.coordinate_error / NO_FORCE if linear.loose else 0.0
+        return max(LEAST_INCREMENT * linear.extent, UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest, loose)
 
     @cached_property
     def _cells(self) -> BodyCells:
@@ -177,7 +169,7 @@ class EquilibriumSolver:
             return
         self.failure = outcomes.failure(status, self.certificate, self.without, self._detail)
         self.go_back(last)
-        raise NoEquilibrium(f"{self.failure}: {self.origin.advice_on(status)}")
+        raise NoEquilibrium(f"{self.failure}: {outcomes.advice_on(status)}")
 
     def certify(self, begun: State) -> Status:
         """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;

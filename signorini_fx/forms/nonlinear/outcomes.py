@@ -23,11 +23,11 @@ OF_LINEAR_BODIES = (
     Status.TOO_LARGE,
     Status.SINGULAR,
 )
-# How a solve ends because of where two bodies, or a body and a shape, are.
-BETWEEN_BODIES = (Status.PASSED, Status.FOLDED, Status.AT_END)
 # How a solve ends that says nothing of the stiffness.
 NOT_BY_STIFFNESS = (
-    *BETWEEN_BODIES,
+    Status.PASSED,
+    Status.FOLDED,
+    Status.AT_END,
     Status.INSIDE,
     Status.TOO_LARGE,
     Status.NO_DIGIT,
@@ -36,7 +36,6 @@ NOT_BY_STIFFNESS = (
     Status.NOT_HELD,
     Status.OPEN,
 )
-_NEWTON_FAILS = "Newton's method fails, which does not prove that there is no solution"
 # What smaller steps do not change.
 FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT_HELD, Status.OPEN)
 
@@ -45,25 +44,16 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, detai
     """How a solve ends that has no solution, in words; ``certificate``: of its last iterate; ``says_no``: why there may
     be no solution; ``detail``: what is wrong, or where; empty: nothing is known.
     """
-    reason = says_no
-    if status in (Status.INSIDE, Status.TOO_LARGE, *BETWEEN_BODIES):
-        reason = detail
-    elif status in (Status.NOT_SOLVED, Status.OPEN, Status.UNSTABLE):
-        reason = says_no or detail
-    elif certificate is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
+    reason = says_no or detail
+    if not reason and certificate is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
         reason = f"{certificate.worst_name} {certificate.worst:.1e}"
     ended = "deformation too large for small strains" if status is Status.TOO_LARGE else status.value
     return ended + (f" ({reason})" if reason else "")
 
 
-def advice_on_forms(status: Status) -> str:
-    """What to do about the outcome of a solve of forms, whose arguments it names."""
-    if status in (Status.NOT_SOLVED, Status.MAX_ITERATIONS):
-        return (
-            f"{_NEWTON_FAILS}: take smaller steps, near a limit point prescribe a displacement instead of a force, "
-            "raise max_newton, give the derivative of F as J, or refine the mesh"
-        )
-    return status.advice
+def advice_on(status: Status) -> str:
+    """What to do about the outcome of a solve; iterations are those of Newton's method."""
+    return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,7 @@ class NonlinearContactProblem(ProblemOfForms):
         **settings: Any,
     ) -> None:
         self._F, self.u = F, u
-        self.contact = checked(F, u, J, foundations_of(contact), update, commit, max_newton)
+        self.contact = checked(F, u, J, foundations_of(contact))
         options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
         tangents = Tangents(F, J, u, options)
         with compiling():
