@@ -28,7 +28,7 @@ from signorini_fx import (
     Status,
 )
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
-from signorini_fx.results.certificate.law_of_method import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 
 
 def triangles_of(space):
@@ -186,8 +186,7 @@ def test_certificate_notices_what_is_wrong():
 
     def judged(of=lambda tractions: tractions):
         mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
-        tractions, law = of(Tractions.of(problem.state)), Law(*linear.task.promised(linear.outcome))
-        return certified(u, mechanics, problem.shapes, tractions, law, linear.previous_step)
+        return certified(u, mechanics, linear, of(Tractions.of(problem.state)), linear.previous_step)
 
     from dataclasses import replace
 

@@ -37,7 +37,7 @@ from signorini_fx import (
 )
 from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
 from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter
-from signorini_fx.results.certificate.law_of_method import Law, Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 
 PRESSED = ((0, -0.1), (0, -0.2))
 PRESSED_IN_3D = ((0, 0, -0.05), (0, 0, -0.1))
@@ -439,8 +439,7 @@ def test_the_certificate_sees_what_is_wrong():
     def judged(changed=lambda tractions: tractions, before=lambda step: step):
         linear = problem.linear
         mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
-        law = Law(*linear.task.promised(linear.outcome))
-        return certified(u, mechanics, {}, changed(Tractions.of(problem.state)), law, before(linear.previous_step))
+        return certified(u, mechanics, linear, changed(Tractions.of(problem.state)), before(linear.previous_step))
 
     assert judged().holds
     touching = np.flatnonzero(problem.state.in_contact)

@@ -20,18 +20,17 @@ from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, motion_at
+from signorini_fx.forms.nonlinear.moving_shapes import motion_at
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import ShapeDistances
-from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
 from signorini_fx.results.certificate.pair_points import FrozenPoints, PairPoints, SlidingPoints
 from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.mechanics import SolidBody
@@ -186,25 +185,23 @@ def conditions_at(
 def certified(
     u: fem.Function,
     mechanics: ResidualMechanics,
-    shapes: Mapping[int, MovingShape],
+    linear: LinearisedProblem,
     tractions: Tractions,
-    law: Law,
     before: PreviousStep | None,
-    rigid: Sequence[tuple[RigidBodyMotion, Drive]] = (),
 ) -> Certificate:
-    """Check equilibrium and contact conditions at a displacement; ``tractions``: what the solver claims; ``rigid``:
-    where tools are that forces move, and what drives them; collective.
+    """Check equilibrium and contact conditions at a displacement; ``linear``: of the last iteration; ``tractions``:
+    what the solver claims; ``before``: the end of the last step; collective.
     """
-    space = u.function_space
+    space, rigid = u.function_space, linear.driven_tools
     places = u.x.array.reshape(-1, space.mesh.geometry.dim)
     if before is not None:
         points, begun = before.tractions, before.displacement.x.array.reshape(places.shape)
         x = node_positions(space)[points.nodes, : places.shape[1]].astype(np.float64)
-        moved = motion_at(points, x, shapes, begun)
+        moved = motion_at(points, x, linear.shapes, begun)
         tools = [(motion, -1.0) for motion, _ in rigid] + [(motion, 1.0) for motion in before.rigid]
         if moved is not None:
             for tool, sign in tools:  # beyond what they tell of the undeformed points
                 touching = np.isin(points.part, tool.body.parts)
                 moved[touching] += sign * tool.at(x[touching])
         before = replace(before, moved=moved)
-    return judged(u, mechanics.forces, mechanics.contact, tractions, law=law, before=before, rigid=rigid)
+    return judged(u, mechanics.forces, mechanics.contact, tractions, law=linear.law, before=before, rigid=rigid)

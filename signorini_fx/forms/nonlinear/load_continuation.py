@@ -98,13 +98,11 @@ class Continuation:
 
     Attributes:
         solver: of one step.
-        advance: ends a step, as a user's class may do otherwise.
         steps: those with a solution.
         mechanics: their displacements and what the residual says of them.
     """
 
     solver: EquilibriumSolver
-    advance: Callable[[], object]
     steps: list[StepResult] = field(default_factory=list)
     mechanics: list[tuple[fem.Function, ResidualMechanics]] = field(default_factory=list)
     _solves_before: int = 0
@@ -195,7 +193,7 @@ class Continuation:
         self.solver.solved = replace(solved, step=step)
         self.steps.append(step)
         self.mechanics.append((step.displacement, solved.mechanics))
-        self.advance()
+        self.solver.advance()
         return step
 
     def _store(self, way: Way, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:

@@ -370,5 +370,5 @@ class EquilibriumSolver:
         """The certificate of what there is now, where F is ``residual``, with the forces that it is of; collective."""
         linear = self.linear
         mechanics = mechanics_at(self.u, residual, linear, lost)
-        conditions = Tractions.of(linear.state), linear.law, linear.previous_step, linear.driven_tools
-        return certified(self.u, mechanics, linear.shapes, *conditions), self.origin.loaded(mechanics)
+        claimed = Tractions.of(linear.state), linear.previous_step
+        return certified(self.u, mechanics, linear, *claimed), self.origin.loaded(mechanics)

@@ -32,7 +32,6 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.quantities.functional import Gradient
 from signorini_fx.records import Finding, Status
-from signorini_fx.results.accuracy.next_accuracy import CostOfAccuracy
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
@@ -139,7 +138,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         actions = commit or (lambda: None), max_newton, stability
         self._solver = EquilibriumSolver(self.linear, residual, tangents, *actions)
-        self._continuation = Continuation(self._solver, lambda: self.advance())
+        self._continuation = Continuation(self._solver)
 
     @property
     def status(self) -> Status | None:
@@ -172,11 +171,6 @@ class NonlinearContactProblem(ProblemOfForms):
 
         body: Any = solution.model  # its residual says all of it
         return replace(solution, model=replace(body, stress_error=error))
-
-    @property
-    def cost(self) -> CostOfAccuracy | str:
-        """Error of the last solution, and what a smaller one would take, see ``Solution``; collective."""
-        return self.solution.cost
 
     @property
     def errors(self) -> Errors:
