@@ -69,17 +69,15 @@ class ContactMap:
         lift = None if self.lift is None else change.transposeMatMult(self.lift)  # of an orthogonal change
         return ContactMap(self.operator.matMult(change), self.points, fixed, lift, self.paired)
 
-    def among(self, unknowns: npt.NDArray[np.signedinteger[Any]], fixed: npt.NDArray[np.bool_]) -> ContactMap:
-        """The map of a system that has some of the unknowns only, by their local numbers on this rank; ``fixed``: which
-        of them are prescribed; collective.
-        """
+    def among(self, unknowns: npt.NDArray[np.signedinteger[Any]]) -> ContactMap:
+        """The map of a system that has some of the unknowns only, by their local numbers on this rank; collective."""
         rows = np.arange(*self.operator.getOwnershipRange())
         sets = [
             PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=self.operator.comm)
             for indices in (rows, self.operator.getOwnershipRangeColumn()[0] + unknowns)
         ]
         operator = self.operator.createSubMatrix(*sets)
-        return replace(self, operator=operator, fixed=fixed, lift=None)
+        return replace(self, operator=operator, fixed=self.fixed[unknowns], lift=None)
 
     def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
         """The matrix with a block of shape (d, d) for each point on its diagonal; ``into``: an earlier one, which is

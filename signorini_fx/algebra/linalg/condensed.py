@@ -51,7 +51,7 @@ class CondensedSystem(ElasticSystem):
             condensed = list(zip(schur.loads, schur.between, strict=True))
         else:
             condensed = [schur.condense(case.load) for case in e.cases]
-        contact = e.contact.among(retained, e.contact.fixed[retained])
+        contact = e.contact.among(retained)
         before = parallel.rows_before(e.comm, retained.size)
         columns = np.ascontiguousarray(schur.dense[:, before : before + retained.size])
         sizes = (retained.size, None)

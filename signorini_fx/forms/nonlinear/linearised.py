@@ -331,7 +331,7 @@ class LinearisedProblem(FormSolver):
         hessians = hessians_at(state.boundary, self.shapes, self.places, self.extent)
         nodal = blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.moving_tools, None
-        if tools.there:
+        if tools.bodies.bodies:
             self.relative = tools.relative_stiffness(state, blocks, self.places)
             nodal = np.where((tools.touching(state.boundary) >= 0)[:, None, None], 0.0, blocks)
         joint = tuple(pair.stiffness(state) for pair in self.pairs.values())
@@ -359,7 +359,7 @@ class LinearisedProblem(FormSolver):
             else:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
         places, way = self.places[boundary.nodes] - tools.at_points(boundary), self._way()
-        if tools.there:  # their slips are counted from where a step has begun by their finite motion
+        if tools.bodies.bodies:  # their slips are counted from where a step has begun by their finite motion
             begins = np.einsum("nij,ni->nj", boundary.tangents, places - way)
             origin = np.where((tools.touching(boundary) >= 0)[:, None], begins, origin)
         if state is not None and len(self._hessians) == boundary.size == state.boundary.size:

@@ -88,11 +88,6 @@ class MovingTools:
     bodies: RigidBodies
     shapes: Mapping[int, MovingShape]
 
-    @property
-    def there(self) -> bool:
-        """Whether there is one."""
-        return bool(self.bodies.bodies)
-
     @cached_property
     def coordinates(self) -> Array:
         """(v, L psi) of each, lengths, shape (t, m)."""

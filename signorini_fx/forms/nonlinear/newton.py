@@ -307,7 +307,7 @@ class EquilibriumSolver:
         """
         linear = self.linear
         follows = linear.shapes or linear.pairs or linear.moving_tools.coordinates.size
-        return not (follows or self.residual.has_state) and self.tangents.affine
+        return not follows and self.residual.update is None and self.tangents.affine
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of

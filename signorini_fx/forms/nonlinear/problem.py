@@ -325,7 +325,7 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
     begun = solver.begun
     assert begun is not None
     advanced = linear.beginning().last is not begun.last
-    if residual.has_state and (advanced or linear.step > 0):
+    if residual.update is not None and (advanced or linear.step > 0):
         why = "the solution depends on the state of the material before it, whose derivatives are not kept"
         raise RuntimeError(f"{why}: ask for derivatives of the first step, before advance()")
     values = solver.u.x.array.copy()

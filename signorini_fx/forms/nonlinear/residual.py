@@ -43,11 +43,6 @@ class Residual:
     loads: Array | float = 0.0
     _slopes: CellSlopes | None = field(default=None, init=False)  # of the mesh where it is
 
-    @property
-    def has_state(self) -> bool:
-        """Whether the material may have a state that ``update`` finds."""
-        return self.update is not None
-
     def assembled(self) -> Array:
         """F less the loads at ``u`` as it is, at the owned unknowns; collective."""
         return np.asarray(assemble(self.form) - self.loads)
@@ -118,14 +113,10 @@ class Tangents:
         self.given = J is not None
         self._F, self._J, self._u, self._options = F, J, u, options
 
-    @property
+    @cached_property
     def leading(self) -> fem.Form:
         """The one that leads Newton's method; collective."""
-        return self._leading if self.given else self.derivative
-
-    @cached_property
-    def _leading(self) -> fem.Form:
-        return self._compiled(self._J)
+        return self._compiled(self._J) if self.given else self.derivative
 
     @property
     def affine(self) -> bool:

@@ -38,11 +38,6 @@ class Stability:
     residual: Residual
     where: str = ""
 
-    @property
-    def u(self) -> fem.Function:
-        """The displacement."""
-        return self.residual.u
-
     def verdict(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
         if not self.linear.factor_fits or (tangent := self._derivative()) is None:
@@ -59,13 +54,13 @@ class Stability:
         """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values of ``u`` of the last
         solution; ``tried``: of where the tangent leads to, if no part of the way is possible; collective.
         """
-        comm, size = self.u.function_space.mesh.comm, self.linear.extent
-        farthest = self.u.x.array if tried is None else tried
+        u, comm, size = self.residual.u, self.linear.space.mesh.comm, self.linear.extent
+        farthest = u.x.array if tried is None else tried
         away = float(parallel.largest(comm, np.abs(farthest - before), 0.0))
         if not away <= max(size, float(parallel.largest(comm, np.abs(before), 0.0))):
             return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
-            forces = self.residual.at(self.u.x.array.copy())
+            forces = self.residual.at(u.x.array.copy())
             known = forces is not None and self.linear.outcome is not None and self.linear.factor_fits
             if known and (tangent := self._derivative()) is not None:
                 self.linear.bend()
@@ -85,12 +80,12 @@ class Stability:
     @property
     def _fixed(self) -> npt.NDArray[np.bool_]:
         """Which of the owned unknowns are prescribed."""
-        dofmap = self.u.function_space.dofmap
+        dofmap = self.linear.space.dofmap
         return self.linear.prescribed[0][: dofmap.index_map.size_local * dofmap.index_map_bs]
 
     def _derivative(self) -> fem.Form | None:
         """The user's tangent if it is the derivative of F at ``u``, else that of UFL; None: neither is; collective."""
-        tangents, values = self.tangents, self.u.x.array.copy()
+        tangents, values = self.tangents, self.residual.u.x.array.copy()
         if tangents.given and self.leads(values):
             return tangents.leading
         fits = is_derivative(tangents.derivative, self.residual, values, ~self._fixed)
@@ -98,7 +93,7 @@ class Stability:
 
     def _most_moved(self, direction: Array) -> str:
         """Where a displacement of the owned nodes is largest, in words; collective."""
-        space, dim = self.u.function_space, self.u.function_space.mesh.geometry.dim
+        space, dim = self.linear.space, self.linear.space.mesh.geometry.dim
         sizes = np.linalg.norm(direction.reshape(-1, dim), axis=1)
         places = node_positions(space)[: sizes.size, :dim]
         rows = np.column_stack((sizes, places))[np.argsort(-sizes, kind="stable")[:1]]
