@@ -16,7 +16,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
-from signorini_fx.mechanics.assembly.mesh_entities import adjugates, facet_entities, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, node_positions
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
@@ -49,39 +49,25 @@ class PairedSide:
     @classmethod
     def of(cls, space: fem.FunctionSpace, facets: Indices) -> PairedSide:
         """Those facets of all ranks; collective.  Positions interpolate those of the nodes of the displacement."""
-        mesh, element = space.mesh, space.element.basix_element
-        dim, entities = mesh.topology.dim, facet_entities(space.mesh, facets)
-        vertices, topology = basix.geometry(element.cell_type), basix.topology(element.cell_type)[dim - 1]
-        geometry, corners = compat.geometry_element(mesh), compat.geometry_cells(mesh)
-        layout, places = space.dofmap.dof_layout, None
-        local, sign = [], np.zeros(len(facets))
-        order = []
-        for number, corner in enumerate(topology):
-            same_number = np.flatnonzero(entities[:, 1] == number)
-            start, *ends = vertices[corner[:dim]]
-            along = np.array(ends) - start
-            closure = np.array(layout.entity_closure_dofs(dim - 1, number))
-            at = np.linalg.lstsq(along.T, (element.points[closure] - start).T, rcond=None)[0].T
-            places = at if places is None else places
-            # The nodes of every facet in the same order.
-            apart = np.linalg.norm(places[:, None] - at[None], axis=2)
-            cells = entities[same_number, 0]
-            local.append(space.dofmap.list[cells][:, closure[apart.argmin(axis=1)]])
-            order.append(same_number)
-            middle = start + along.sum(axis=0) / 2
-            slopes = geometry.tabulate(1, middle[None])[1:, 0, :, 0]
-            jacobian = np.einsum("kg,cgi->ikc", slopes, mesh.geometry.x[corners[cells], :dim])
-            across = np.array([along[0, 1], -along[0, 0]]) if dim == 2 else np.cross(*along)
-            sign[same_number] = np.sign(adjugates(jacobian)[1] * (across @ (start - vertices.mean(axis=0))))
-        assert places is not None
-        node_table = np.concatenate(local)[np.argsort(np.concatenate(order))]
+        mesh, dim, element = space.mesh, space.mesh.topology.dim, space.element.basix_element
+        kind = basix.cell.subentity_types(element.cell_type)[dim - 1][0]
+        places = basix.create_element(element.family, kind, element.degree, element.lagrange_variant).points
+        x, node_table = node_positions(space)[:, :dim], facet_nodes(space, facets)
         names = space.dofmap.index_map.local_to_global(node_table.ravel()).reshape(node_table.shape)
-        positions = node_positions(space)[node_table, :dim]
-        names, positions, signs = (parallel.gather_rows(mesh.comm, rows) for rows in (names, positions, sign))
+        middles = x[space.dofmap.list[facet_entities(mesh, facets)[:, 0]]].mean(axis=1)
+        names, positions, middles = (parallel.gather_rows(mesh.comm, rows) for rows in (names, x[node_table], middles))
         nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
         x = np.array(positions.reshape(-1, dim)[first], dtype=np.float64)
-        none = np.zeros((len(x), dim, dim))
-        surface = PairSurface(numbers.reshape(names.shape).astype(np.int64), x, Lagrange(places), signs, none)
+        numbers, none, ones = (
+            numbers.reshape(names.shape).astype(np.int64),
+            np.zeros((len(x), dim, dim)),
+            np.ones(len(names)),
+        )
+        surface = PairSurface(numbers, x, Lagrange(places), ones, none)
+        at = np.broadcast_to(places.mean(axis=0), (len(names), 1, dim - 1))
+        away = surface.corners.mean(axis=1) - middles
+        sign = np.sign(np.einsum("fd,fd->f", surface.normals(np.arange(len(names)), at)[:, 0], away))
+        surface = replace(surface, sign=sign)
         return cls(surface, nodes.astype(np.int64), facets)
 
 

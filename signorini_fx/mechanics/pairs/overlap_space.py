@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.tuned import NOTHING_LEFT, SAME_LENGTH, ZERO_COMPONENT
+from signorini_fx.tuned import NOTHING_LEFT, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -98,8 +98,9 @@ def space_overlap(
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
     area = np.abs(_cross(first, second))[:, None] * weights
     slave_numbers, master_numbers = slave_numbers[pair], master_numbers[pair]
-    at, projected = _back(flat[pair], slave_parts.reference[slave_numbers], p)
-    over, _ = _back(flat_master[pair], master_parts.reference[master_numbers], p)
+    linear = [Lagrange(entry.corners) for entry in functions]
+    at, projected = _back(linear[0], flat[pair], slave_parts.reference[slave_numbers], p)
+    over, _ = _back(linear[1], flat_master[pair], master_parts.reference[master_numbers], p)
     true = slave.sizes(slave_parts.facet[slave_numbers], at)
     if max(entry.degree for entry in functions) > 1:
         p = np.einsum(
@@ -155,15 +156,19 @@ def _parallelograms(corners: Array) -> bool:
 
 def projected_places(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:
     """The places on curved facets whose projections are the points p of the planes, by Newton's method from ``at``."""
-    nodes = (side.corners[facets] - centre[:, None]) @ axes.transpose(0, 2, 1)
+    return _places_of(side.functions, (side.corners[facets] - centre[:, None]) @ axes.transpose(0, 2, 1), p, at)
+
+
+def _places_of(functions: Lagrange, nodes: Array, p: Array, at: Array) -> Array:
+    """Where what functions interpolate between nodes of the plane, shape (m, k, 2), is at points, shape (m, q, 2)."""
     at, moving = at.copy(), np.arange(len(at))
-    for _ in range(_STEPS):
+    for _ in range(1 if functions.degree == 1 and functions.simplex else _STEPS):
         place, flat = at[moving], nodes[moving]
-        residual = p[moving] - side.functions.values(place) @ flat
-        first, second = side.functions.slopes(place) @ flat
+        residual = p[moving] - functions.values(place) @ flat
+        first, second = functions.slopes(place) @ flat
         step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / _cross(first, second)[..., None]
         at[moving] = place + step
-        moving = moving[np.abs(step).max(axis=(1, 2)) >= ZERO_COMPONENT]
+        moving = moving[np.abs(step).max(axis=(1, 2)) >= SAME_LENGTH]
         if not moving.size:
             break
     return at
@@ -237,25 +242,10 @@ def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
     return triangles[valid], np.nonzero(valid)[0]
 
 
-def _back(flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
-    """Where points of the plane are in the reference facet."""
-    s = np.full(p.shape, 0.5)
-
-    def maps(corners: Array) -> tuple[Array, Array, Array]:
-        first, second = corners[:, None, 1] - corners[:, None, 0], corners[:, None, -1] - corners[:, None, 0]
-        twist = np.zeros_like(first)
-        if corners.shape[1] == 4:
-            twist = corners[:, None, 2] - corners[:, None, 1] - second
-        a, b = s[..., :1], s[..., 1:]
-        return corners[:, None, 0] + a * first + b * second + a * b * twist, first + b * twist, second + a * twist
-
-    for _ in range(_STEPS if flat.shape[1] == 4 else 1):
-        image, first, second = maps(flat)
-        residual, determinant = p - image, _cross(first, second)
-        step = np.stack((_cross(residual, second), _cross(first, residual)), axis=-1) / determinant[..., None]
-        s = s + step
-        if np.abs(step).max(initial=0.0) < SAME_LENGTH:
-            break
-    _, first, second = maps(flat)
-    inside, own_first, own_second = maps(reference)
-    return inside, np.abs(_cross(first, second) / _cross(own_first, own_second))
+def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
+    """Where points of the plane are in the reference facet, and the area that a unit of it has in the plane, from the
+    corners of its linear parts, between which ``functions`` interpolate.
+    """
+    at = _places_of(functions, flat, p, np.full(p.shape, 0.5))
+    slopes = functions.slopes(at)
+    return functions.values(at) @ reference, np.abs(_cross(*(slopes @ flat)) / _cross(*(slopes @ reference)))

@@ -89,15 +89,18 @@ class Lagrange:
     @property
     def parts(self) -> Array:
         """Corners of the linear parts of the reference facet, in order around each, shape (parts, corners, d - 1)."""
+        if self.degree == 1 or self.places.shape[1] == 1:
+            return self.corners[None]
+        corners = [self.corners / 2 + shift for shift in self.corners / 2]
+        return np.array([*corners, (1.0 - self.corners) / 2] if self.simplex else corners)
+
+    @property
+    def corners(self) -> Array:
+        """Of the reference facet, in order around it, shape (corners, d - 1)."""
         if self.places.shape[1] == 1:
-            return np.array([[[0.0], [1.0]]])
+            return np.array([[0.0], [1.0]])
         square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-        triangle = square[[0, 1, 3]]
-        facet_corners = triangle if self.simplex else square
-        if self.degree == 1:
-            return facet_corners[None]
-        corners = [facet_corners / 2 + shift for shift in facet_corners / 2]
-        return np.array([*corners, (1.0 - triangle) / 2] if self.simplex else corners)
+        return square[[0, 1, 3]] if self.simplex else square
 
 
 @cache
@@ -195,8 +198,10 @@ class PairSurface:
         return np.asarray(np.einsum("mqk,mk->mq", self.functions.values(at), self.measure[self.nodes[facets]]) * weight)
 
     @cached_property
-    def _integrals(self) -> tuple[Array, Array]:
-        """Of test functions times the measure, and of test functions times the normal, shapes (N,) and (N, d)."""
+    def _integrals(self) -> tuple[Array, Array, Array]:
+        """Of test functions times the measure, of test functions times the normal, shapes (N,) and (N, d), and of the
+        measure over each facet, shape (f,).
+        """
         points, weights = self.functions.rule(_DEGREE)
         facets = np.arange(len(self.nodes))
         at = np.broadcast_to(points, (len(facets), *points.shape))
@@ -206,7 +211,7 @@ class PairSurface:
         sizes = self.measured(facets, at, self.sizes(facets, at))
         np.add.at(area, self.points, np.einsum("qt,mq->mt", tests, sizes))
         np.add.at(moment, self.points, np.einsum("qt,mqd->mtd", tests, normals))
-        return area, moment
+        return area, moment, sizes @ weights
 
     @property
     def area(self) -> Array:
@@ -253,13 +258,10 @@ class PairSurface:
         size = np.linalg.norm(directions, axis=1, keepdims=True)
         return np.divide(directions, size, out=np.zeros_like(directions), where=size > 0)
 
-    @cached_property
+    @property
     def facet_areas(self) -> Array:
         """Area (in 2D: length) of each facet, times the measure, shape (f,)."""
-        points, weights = self.functions.rule(_DEGREE)
-        facets = np.arange(len(self.nodes))
-        at = np.broadcast_to(points, (len(facets), *points.shape))
-        return np.asarray(self.measured(facets, at, self.sizes(facets, at)) @ weights)
+        return self._integrals[2]
 
 
 @dataclass(frozen=True)
