@@ -41,13 +41,18 @@ class ContactState(PointState):
 
         Between bodies each is on the body that has the contact points, and their sum on none.
         """
-        boundary = self.boundary
-        normal = boundary.nodal_forces(self.pressure, np.zeros_like(self.shear))
-        along = boundary.nodal_forces(np.zeros_like(self.pressure), self.shear)
+        boundary, forces = self.boundary, self._forces
         count = int(parallel.largest(boundary.comm, boundary.part, -1)) + 1
-        forces = np.zeros((count, 2, normal.shape[1]))
-        np.subtract.at(forces, boundary.part, np.stack((normal, along), axis=1))
-        return parallel.global_sum(boundary.comm, forces)
+        sums = np.zeros((count, *forces.shape[1:]))
+        np.add.at(sums, boundary.part, forces)
+        return parallel.global_sum(boundary.comm, sums)
+
+    @property
+    def _forces(self) -> npt.NDArray[np.float64]:
+        """Contact force and friction force on the body at each point, shape (n, 2, d)."""
+        boundary, none_n, none_t = self.boundary, np.zeros_like(self.pressure), np.zeros_like(self.shear)
+        tractions = (self.pressure, none_t), (none_n, self.shear)
+        return -np.stack([boundary.nodal_forces(*traction) for traction in tractions], axis=1)
 
     @cached_property
     def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -55,33 +60,31 @@ class ContactState(PointState):
         axis x[1] alone, as others cancel over a revolution; collective.
         """
         boundary = self.boundary
-        none_n, none_t = np.zeros_like(self.pressure), np.zeros_like(self.shear)
-        moments = [
-            parallel.global_sum(boundary.comm, -np.cross(boundary.centre, forces).sum(axis=0))
-            for forces in (boundary.nodal_forces(self.pressure, none_t), boundary.nodal_forces(none_n, self.shear))
-        ]
-        remaining = boundary.kinematics.unbalanced[3:]
-        return remaining * moments[0], remaining * moments[1]
+        about_origin = np.cross(boundary.centre[:, None], self._forces).sum(axis=0)
+        contact, friction = boundary.kinematics.unbalanced[3:] * parallel.global_sum(boundary.comm, about_origin)
+        return contact, friction
 
     @cached_property
     def mean_tangential_displacement(self) -> float | Nodal:
         """Mean of tau_T y over the contact boundary, length: along the tangent; in 3D a vector, shape (3,);
         collective.
         """
-        weight = self.boundary.weight
-        sums = parallel.global_sum(self.boundary.comm, np.append(weight @ self.displaced(self.u_t), weight.sum()))
-        mean: Nodal = sums[:-1] / sums[-1]
-        return float(mean[0]) if mean.size == 1 else mean
+        mean = self._tangential_sums.sum(axis=0)
+        return float(mean[0] / mean[1]) if mean.size == 2 else mean[:-1] / mean[-1]
 
     @cached_property
     def mean_tangential_of_each(self) -> list[float | Nodal]:
         """The same of each contact boundary, in the order of the scene; collective."""
+        sums = self._tangential_sums
+        return [float(mean[0] / mean[1]) if mean.size == 2 else mean[:-1] / mean[-1] for mean in sums]
+
+    @cached_property
+    def _tangential_sums(self) -> Nodal:
+        """Of weight times tau_T y, and of weight, of each contact boundary, shape (boundaries, k + 1); collective."""
         boundary, along = self.boundary, self.displaced(self.u_t)
         sums = np.zeros((len(self.forces_of_each), along.shape[1] + 1))
         np.add.at(sums, boundary.part, boundary.weight[:, None] * np.column_stack((along, np.ones(len(along)))))
-        total = parallel.global_sum(boundary.comm, sums)
-        means = total[:, :-1] / total[:, -1:]
-        return [float(mean[0]) if mean.size == 1 else mean for mean in means]
+        return parallel.global_sum(boundary.comm, sums)
 
     def tangential(self, vectors: Nodal) -> Nodal:
         """Shears, shape (n, d - 1), as in tables: in 2D along the tangent, shape (n, 1), in 3D as

@@ -196,15 +196,26 @@ class FacingSides:
         vertices = len(tests.places) < len(functions.places)
         return segments_of(self.space, self.slave.facets, self.index, vertices=vertices)
 
-    def points_at(self, nodes: npt.NDArray[np.int64], **of_points: Any) -> ContactBoundary:
-        """The contact points at nodes of the slave that this rank owns; ``of_points``: what else is known of them."""
+    def points_at(self, nodes: npt.NDArray[np.int64], averages: Averages, **of_points: Any) -> ContactBoundary:
+        """The contact points at nodes of the slave that this rank owns, which do not move across a plane of symmetry;
+        ``of_points``: what else is known of them.
+        """
+        x, axes = self.slave.surface.x[nodes], None if self.axes is None else self.axes[nodes]
+        across, free = self.slave.surface.across[nodes], np.ones(x.shape, dtype=bool)
+        if axes is None:
+            free = averages.any_of(~averages.fixed)
+        else:
+            across = np.einsum("nji,njk,nkl->nil", axes, across, axes)
         return ContactBoundary(
             comm=self.space.mesh.comm,
             nodes=self.local(nodes),
-            x=self.slave.surface.x[nodes],
+            x=x,
             part=np.full(nodes.size, self.index, dtype=np.int32),
+            free=free & (np.einsum("nii->ni", across) < 0.5),
             segments=self._segments,
             global_nodes=self.slave.nodes[nodes],
+            averages=averages,
+            axes=axes,
             **of_points,
         )
 
@@ -314,11 +325,11 @@ class PairedSides(FacingSides):
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank; collective."""
-        coupling, dim, count = self.coupling, self.slave.surface.dimension, self.coupling.nodes.size
-        lift, relative = coupling.lift(self.slave.surface).tocoo(), self.relative
+        coupling, dim, relative = self.coupling, self.slave.surface.dimension, self.relative
+        lift = coupling.lift(self.slave.surface).tocoo()
         reached = np.unique(np.concatenate((relative.indices // dim, lift.row)))
         components = (dim * reached[:, None] + np.arange(dim)).ravel()
-        lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(self.nodes.size, count))
+        lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(self.nodes.size, coupling.nodes.size))
         averages = Averages(
             beside(coupling.slave, -coupling.master)[:, reached],
             self.nodes[reached],
@@ -328,14 +339,4 @@ class PairedSides(FacingSides):
             lifting[reached],
             relative[:, components],
         )
-        free = averages.any_of(~averages.fixed) if self.axes is None else np.ones(coupling.centre.shape, dtype=bool)
-        axes = np.tile(np.eye(dim), (count, 1, 1)) if self.axes is None else self.axes[coupling.nodes]
-        free &= np.einsum("nji,njk,nki->ni", axes, self.across, axes) < 0.5
-        return self.points_at(
-            coupling.nodes,
-            weight=coupling.weight,
-            normal=coupling.normal,
-            free=free,
-            averages=averages,
-            axes=None if self.axes is None else axes,
-        )
+        return self.points_at(coupling.nodes, averages, weight=coupling.weight, normal=coupling.normal)

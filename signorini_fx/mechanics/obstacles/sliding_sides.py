@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -90,31 +90,22 @@ class SlidingSides(FacingSides):
         """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
         across it.
         """
-        mine, count, dim = self.mine, self.mine.size, self.slave.surface.dimension
-        across, normal = self.across[mine], coupling.normal[mine]
-        moved = beside(coupling.frames.slave, -coupling.frames.master)
-        normal_rows, tangent_rows = coupling.normal_rows, coupling.tangent_rows
-        if count < self.points.size:
-            rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
-            moved, normal_rows, tangent_rows = moved[mine], normal_rows[mine], tangent_rows[rows_of_tangents]
+        mine, dim, normal = self.mine, self.slave.surface.dimension, coupling.normal[self.mine]
+        rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
+        normal_rows, tangent_rows = coupling.normal_rows[mine], coupling.tangent_rows[rows_of_tangents]
+        moved = beside(coupling.frames.slave, -coupling.frames.master)[mine]
         inward = along_vectors(normal[:, :, None]), along_vectors(self._sliding(coupling)[mine])
         along = inward[0].T @ normal_rows + inward[1].T @ tangent_rows
         x = np.concatenate((self.slave.surface.x, self.master.surface.x))
         averages = Averages(moved, self.nodes, x, self.fixed, centre=coupling.centre[mine], between=sp.csr_array(along))
-        partnered = coupling.frames.partnered
-        counted = partnered | ~partnered.any()
-        free = averages.any_of(~self.fixed) & counted[mine, None]
-        free &= np.einsum("nii->ni", across) < 0.5
         translation = np.tile(np.eye(dim), (len(self.slave.nodes), 1))  # of the slave alone
         pushing = np.asarray(normal_rows[:, : len(translation)] @ translation)
-        return self.points_at(
-            self.points[mine],
-            weight=coupling.weight[mine],
-            normal=normal,
-            free=free,
-            averages=averages,
-            pushing=pushing,
+        points = self.points_at(
+            self.points[mine], averages, weight=coupling.weight[mine], normal=normal, pushing=pushing
         )
+        partnered = coupling.frames.partnered
+        counted = partnered | ~partnered.any()
+        return replace(points, free=points.free & counted[mine, None])
 
     def sliding_along(self, coupling: SlidingCoupling, slip: Array) -> Array:
         """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along,

@@ -18,8 +18,8 @@ Indices = npt.NDArray[np.int64]
 
 # Of Gauss' rule in [-1, 1] for a segment of the overlap: integrands are rational where the normal turns.
 PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(POINTS_OF_PIECES)
-# Bisections, then steps of Newton's method that polish the root.
-_BISECTIONS, _STEPS = 30, 3
+# Steps of Newton's method and bisections, at most.
+_STEPS = 60
 
 
 def facing_facets(slave: PairSurface, master: PairSurface, reach: float, facets: Indices) -> tuple[Indices, Indices]:
@@ -103,34 +103,26 @@ def _under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array
     factors: Array = np.zeros((2 * places.shape[1] - 1, len(x)))
     for power in range(places.shape[1]):
         factors[power : power + ways.shape[1]] -= _cross(places[:, power, None], ways).T
-    rates = factors[1:] * np.arange(1, len(factors))[:, None]
     root = _crossing(way * factors)
-    for _ in range(_STEPS):
-        gradient = _powers(rates, root)
-        step = np.divide(_powers(factors, root), gradient, out=np.zeros(len(x)), where=gradient != 0)
-        root = np.clip(root - step, 0.0, 1.0)
     return np.where(above_low & below_high, root, np.where(above_low, 1.0, 0.0))
 
 
 def _crossing(factors: Array) -> Array:
-    """Where polynomials, with factors as in ``_powers``, fall from a positive value at 0 to a negative one at 1, up to
-    a share of 1e-9; any place in [0, 1] where they do not.
+    """Where polynomials, with factors as in ``_powers``, fall to zero in [0, 1], else the end beyond which they do, by
+    Newton's method with bisections.
     """
-    if len(factors) == 3:  # of straight facets
-        constant, linear, square = factors
-        root_of_discriminant = np.sqrt(np.maximum(linear**2 - 4.0 * square * constant, 0.0))
-        # The root at which they fall, in the form that has no difference of equal numbers.
-        twice = root_of_discriminant - linear
-        away = np.divide(2.0 * constant, twice, out=np.zeros_like(constant), where=twice != 0.0)
-        back = np.divide(-linear - root_of_discriminant, 2.0 * square, out=np.zeros_like(constant), where=square != 0.0)
-        return np.asarray(np.clip(np.where(linear <= 0.0, away, back), 0.0, 1.0))
-    low: Array = np.zeros(factors.shape[1])
-    width = 1.0
-    for _ in range(_BISECTIONS):
-        width /= 2
-        middle = low + width
-        low = np.where(_powers(factors, middle) > 0, middle, low)
-    return np.asarray(low + width / 2)
+    low, high, at = (np.full(factors.shape[1:], end) for end in (0.0, 1.0, 0.5))
+    rates = (factors[1:].T * np.arange(1, len(factors))).T
+    for _ in range(_STEPS):
+        value, slope = _powers(factors, at), _powers(rates, at)
+        low, high = np.where(value > 0, at, low), np.where(value > 0, high, at)
+        step = np.divide(value, slope, out=np.full(value.shape, np.nan), where=slope != 0)
+        following = np.clip(at - step, 0.0, 1.0)
+        following = np.where((following >= low) & (following <= high), following, (low + high) / 2)
+        step, at = following - at, following
+        if np.abs(step).max(initial=0.0) < ZERO_COMPONENT:
+            break
+    return at
 
 
 def _powers(factors: Array, s: Array) -> Array:
@@ -143,15 +135,8 @@ def _powers(factors: Array, s: Array) -> Array:
 
 def _over(side: PairSurface, corners: Array, x: Array, normal: Array) -> Array:
     """The place of the master point over each point of shape (m, q, d) along its normal, in [0, 1]."""
-    at, start = np.full(x.shape[:2], 0.5), corners[:, :1]
+    start = corners[:, :1]
     places = side.functions.polynomials(corners - start).transpose(1, 0, 2)[:, :, None]
     factors = _cross(places, normal)
     factors[0] -= _cross(x - start, normal)
-    rates = factors[1:] * np.arange(1, len(factors))[:, None, None]
-    for _ in range(_BISECTIONS):
-        miss, slope = _powers(factors, at), _powers(rates, at)
-        step = np.divide(miss, slope, out=np.zeros_like(miss), where=slope != 0)
-        at = np.clip(at - step, 0.0, 1.0)
-        if np.abs(step).max(initial=0.0) < ZERO_COMPONENT:
-            break
-    return at
+    return _crossing(factors * np.sign(-factors[1:].sum(axis=0)))
