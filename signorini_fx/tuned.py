@@ -283,10 +283,10 @@ MANY_STEPS = 50
 
 # --- algorithms ------------------------------------------------------------------------------------------------------
 
-# Interior points: stiffness of the foundation with which they begin, in units of the natural stiffness, and the least
-# share of this if the body is lifted far.  Beams, blisters, plates and weightless strips take the fewest solves between
-# 1e-4 and 1e-3, and three times as many on a foundation of stiffness gamma.
-SOFT_FOUNDATION, SOFTEST_FOUNDATION = 3e-4, 1e-6
+# Interior points: stiffness of the foundation with which they begin, in units of the natural stiffness.  Beams,
+# blisters, plates and weightless strips take the fewest solves between 1e-4 and 1e-3, and three times as many on a
+# foundation of stiffness gamma.
+SOFT_FOUNDATION = 3e-4
 # They are asked for sets after the first number of full steps, if in the last three the contact set has changed its
 # size, the points that have changed are at least the second number, and ``DECIDED`` of those of the three before,
 # unless full steps would be through with all points in fewer steps than the third number; and whatever has changed
@@ -297,11 +297,9 @@ SLOW_STEPS, SLOW_CHANGES, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 15, 25
 # asked for if full steps would be through in no fewer than this.  Tuned on 51 plates (docs/evidence/slender.csv), which
 # take 943 solves then, 1,012 with the number above; beams in 2D are better with that.
 STEPS_LEFT_OF_FRONTS = 40
-# They propose sets once their products are at most the first share of the first ones, a step has gone at least
-# ``DECIDED`` of its way, and the sets of at most the second share of the points still change.  Of two iterates the
-# quotient either of the pressures or of the openings tends to 1; while both are below ``DECIDED`` at more than the
-# third share of the points, nothing is known.  From the same problems and slender bodies.
-DECIDING_PRODUCT, SETTLED_POINTS, UNDECIDED_POINTS, DECIDED = 1e-2, 0.005, 0.08, 0.7
+# They propose sets once their products are at most this share of the first ones, a step has gone at least ``DECIDED``
+# of its way, and the sets of at most one point still change.  From the same problems and slender bodies.
+DECIDING_PRODUCT, DECIDED = 1e-2, 0.7
 # Residuals are measured by forces that are at least this share of stiffness times displacement, of which
 # NO_FORCE is then still above round-off; an inexact Krylov solve leaves no less of the forces.  Choice.
 ATTAINABLE_SHARE = 1e-7

@@ -52,11 +52,8 @@ from signorini_fx.tuned import (
     NO_FORCE,
     NOTHING_LEFT,
     SAME_NUMBER,
-    SETTLED_POINTS,
     SLOWEST_STEPS,
     SOFT_FOUNDATION,
-    SOFTEST_FOUNDATION,
-    UNDECIDED_POINTS,
 )
 
 Newton = Any  # ``ssn.SemismoothNewton``, which asks for this module
@@ -89,18 +86,11 @@ def interior_point(newton: Newton, data: RegularisedData, measure: Callable[[], 
 
 def proposed_sets(newton: Newton, data: RegularisedData) -> ActiveSets | None:
     """The sets that a few steps from a soft foundation find after a full step of a problem with a given friction bound,
-    which hold the body; None if a linear solve fails; the iterate of ``newton`` stays; collective. Where the last full
-    step has lifted the body far, the foundation is softer: it yields under the mean pressure by that much.
+    which hold the body; None if a linear solve fails; the iterate of ``newton`` stays; collective.
     """
     problem, begun, sets = newton.problem, newton.x.copy(), newton.problem.sets
-    u_n, _ = problem.system.contact.traces(newton.x)
-    pressure, _ = newton.multipliers()
-    comm, pressed = problem.points.comm, pressure > 0
-    force, points = parallel.global_sum(comm, np.array([pressure[pressed].sum(), np.count_nonzero(pressed)]))
-    lift = parallel.largest(comm, data.gap - u_n, 0.0)
-    lifted = force / (points * lift) if points and lift > 0 else np.inf
     try:
-        proposed = _Programme(newton, data).sets(lifted)
+        proposed = _Programme(newton, data).sets()
     except (PETSc.Error, MemoryError) as error:
         newton.outcome_of(error)
         proposed = None
@@ -157,7 +147,7 @@ class _Programme:
     def solve(self) -> Status:
         """Reduce the products until full steps can end the iteration."""
         newton, problem = self._newton, self._problem
-        at = self._on_a_soft_foundation(np.inf, exact=True)
+        at = self._on_a_soft_foundation(exact=True)
         first = 0.0 if at is None else self._product(at)
         for _ in range(newton.max_iterations):
             if at is None:
@@ -173,52 +163,41 @@ class _Programme:
             at = None if step is None else step.end
         return Status.MAX_ITERATIONS
 
-    def sets(self, softest: float) -> ActiveSets | None:
-        """Reduce the products until the sets settle; None: a solve fails; ``softest``: stiffness of the start."""
+    def sets(self) -> ActiveSets | None:
+        """Reduce the products until the sets settle; None: a solve fails."""
         newton = self._newton
-        at = self._on_a_soft_foundation(softest, exact=False)
+        at = self._on_a_soft_foundation(exact=False)
         first = 0.0 if at is None else self._product(at)
         if at is not None and first == 0.0:  # no point presses: there is nothing to reduce
             return _sets_of(newton, self._data)
-        settled = max(1.0, SETTLED_POINTS * self._number(self._points.everywhere))
-        undecided_points = UNDECIDED_POINTS * self._number(self._points.everywhere)
         closed, slip = (np.zeros_like(self._one_sided) for _ in range(2))
         for _ in range(SLOWEST_STEPS):
             step = None if at is None else self._advanced(at, exact=False)
             if step is None:
                 return None
             at, closed_before, slip_before = step.end, closed, slip
-            closed, slip, undecided = self._indicated(step)
+            closed, slip = self._indicated(step)
             changed = self._number((closed != closed_before) | (slip != slip_before))
             small = self._product(at) <= DECIDING_PRODUCT * first and step.share > DECIDED
-            if newton.history.exhausted or (
-                small and changed <= settled and self._number(undecided) <= undecided_points
-            ):
+            if newton.history.exhausted or (small and changed <= 1):
                 break
         sets = _sets_of(newton, self._data)
         return replace(sets, contact=np.where(self._one_sided, closed, sets.contact))
 
-    def _indicated(
-        self, step: _InnerStep
-    ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """The points in contact and those that slip, by the quotients of two iterates; and those of which these do not
-        tell yet whether they are in contact.
-        """
+    def _indicated(self, step: _InnerStep) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+        """The points in contact and those that slip, by the quotients of two iterates."""
         begin, end, none = step.begin, step.end, np.zeros_like(step.begin.pressure)
         one, rubs = self._one_sided, self._rubs
         presses = np.divide(end.pressure, begin.pressure, out=none + 1.0, where=one)
         opens = np.divide(end.opening, begin.opening, out=none.copy(), where=one)
         slides = np.divide(end.rate, begin.rate, out=none.copy(), where=rubs)
         remains = np.divide(self._room(end.shear), self._room(begin.shear), out=none + 1.0, where=rubs)
-        undecided = one & (np.maximum(presses, opens) < DECIDED)
-        return presses > opens, rubs & (slides > remains), undecided
+        return presses > opens, rubs & (slides > remains)
 
-    def _on_a_soft_foundation(self, softest: float, *, exact: bool) -> _Inside | None:
+    def _on_a_soft_foundation(self, *, exact: bool) -> _Inside | None:
         """Where the body is if all points are tied to a soft foundation, with products that are all the same."""
         data, size, contact = self._data, self._points.dimension - 1, self._problem.system.contact
-        usual = SOFT_FOUNDATION * contact.natural_stiffness(self._problem.system.matrix.getDiagonal())
-        stiffness = max(SOFTEST_FOUNDATION * usual, min(usual, softest))
-        soft = data.softer(stiffness)
+        soft = data.softer(SOFT_FOUNDATION * contact.natural_stiffness(self._problem.system.matrix.getDiagonal()))
         rough, x = (self._bound > 0)[:, None], self._newton.x
         blocks = np.zeros((rough.size, 1 + size, 1 + size))
         blocks[:, 0, 0] = soft.stiffness
