@@ -36,7 +36,7 @@ def test_a_rank_that_cannot_condense(monkeypatch):
     expected = solve(scene, WORLD)
     assert expected.linear_algebra.startswith("condensed")
     if WORLD.rank == WORLD.size - 1:
-        monkeypatch.setattr(partial_factor, "_MEMORY", ((23, 1),))  # one megabyte
+        monkeypatch.setattr(partial_factor, "_MEMORY", (23, 1))  # one megabyte
     found = solve(scene, WORLD)
     assert found.linear_algebra == "full: MUMPS could not condense the system"
     np.testing.assert_allclose(found.contact.forces, expected.contact.forces, rtol=0, atol=1e-8)

@@ -1,4 +1,4 @@
-"""Factors for which the memory does not suffice at first."""
+"""Factors for which the memory does not suffice."""
 
 import numpy as np
 import pytest
@@ -23,18 +23,12 @@ def grid(shape, degree=1):
 
 
 @pytest.mark.parametrize("placed", [False, True])
-def test_a_factorisation_without_memory_is_repeated(monkeypatch, placed):
+def test_a_factorisation_without_memory(monkeypatch, placed):
     """MUMPS reports it, and PETSc only makes a note of it: a solution with this factor would not be finite."""
     graph, x = grid((60, 60))
     rows, places = sp.csr_array(graph + 10.0 * sp.eye_array(len(x))), np.full(len(x), -1)
     places[x[:, 1] == 0] = np.arange(61)
-
-    def condensed():
-        return partial_factor.PartialFactor(rows, places, 61, (), x if placed else None, definite=True).eliminate()[0]
-
-    expected, little = condensed(), (23, 1)  # at most one megabyte
-    monkeypatch.setattr(partial_factor, "_MEMORY", (little, (14, 300)))
-    np.testing.assert_allclose(condensed(), expected, rtol=0, atol=1e-13 * np.abs(expected).max())
-    monkeypatch.setattr(partial_factor, "_MEMORY", (little, little))
+    factor = partial_factor.PartialFactor(rows, places, 61, (), x if placed else None, definite=True)
+    monkeypatch.setattr(partial_factor, "_MEMORY", (23, 1))  # at most one megabyte
     with pytest.raises(PETSc.Error):
-        condensed()
+        factor.eliminate()

@@ -32,7 +32,7 @@ _LU_SYMBOLIC = 25  # MATOP_LUFACTOR_SYMBOLIC
 ERROR_IN_LIBRARY = 76  # PETSC_ERR_LIB
 _ORDER_OF_USER = 1  # INFOG(7)
 _SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are not touched
-_MEMORY = ((14, 30), (14, 300))  # ICNTL(14), per cent more than estimated, one after another until it is enough
+_MEMORY = (14, 100)  # ICNTL(14), per cent more than estimated
 _SMALL = 20  # powers of two by which the entries of a load are smaller than those of the matrix
 _LEAF = 32  # nodes that are not divided
 _DEEPEST = 40  # halvings
@@ -105,7 +105,7 @@ class PartialFactor:
         if not inside:  # some MUMPS fail with nothing to eliminate
             return np.zeros((count, count)), np.zeros((self._sizes.size, count))
         self._right, self._solution = bordered.createVecs()
-        self._factor = handle = _factorise(bordered, inside, _MEMORY, in_order=self._in_order)
+        self._factor = handle = _factorise(bordered, inside, in_order=self._in_order)
         dense = ctypes.c_void_p()
         call("MatFactorGetSchurComplement", handle, ctypes.byref(dense), None)
         entries = ctypes.POINTER(ctypes.c_double)()
@@ -143,7 +143,7 @@ def _order_is_taken() -> bool:
     )
     used = ctypes.c_int()
     try:
-        factor = _factorise(sample, 2, _MEMORY, in_order=True)
+        factor = _factorise(sample, 2, in_order=True)
     except PETSc.Error:
         return False
     call("MatMumpsGetInfog", factor, 7, ctypes.byref(used))
@@ -151,15 +151,9 @@ def _order_is_taken() -> bool:
     return used.value == _ORDER_OF_USER
 
 
-def _factorise(
-    matrix: PETSc.Mat,
-    inside: int,
-    memory: Sequence[tuple[int, int]],
-    *,
-    in_order: bool,
-) -> ctypes.c_void_p:
+def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_void_p:
     """Factorise the first rows and columns of a symmetric matrix; those of the others become the Schur complement.
-    ``memory``: numbers and values of ICNTL that are tried one after another; ``in_order``: else by minimum degree.
+    ``in_order``: else by minimum degree.
     """
     broken = ctypes.c_int()
     info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
@@ -167,7 +161,7 @@ def _factorise(
     call("MatGetFactor", matrix, b"mumps", _FACTOR_CHOLESKY, ctypes.byref(factor))
     indices = np.arange(matrix.getSize()[0], dtype=PETSc.IntType)
     call("MatFactorSetSchurIS", factor, PETSc.IS().createGeneral(indices[inside:], comm=matrix.comm))
-    call("MatMumpsSetIcntl", factor, *memory[0])
+    call("MatMumpsSetIcntl", factor, *_MEMORY)
     if in_order:
         # PETSc passes an order on in the symbolic LU factorisation alone, which is borrowed.
         lent, symbolic = ctypes.c_void_p(), ctypes.c_void_p()
@@ -183,12 +177,10 @@ def _factorise(
         call("MatCholeskyFactorSymbolic", factor, matrix, None, ctypes.byref(info))
         call("MatCholeskyFactorNumeric", factor, matrix, ctypes.byref(info))
     call("MatFactorGetError", factor, ctypes.byref(broken))
-    if not broken.value:
-        return factor
-    call("MatDestroy", ctypes.byref(factor))
-    if not memory[1:]:
+    if broken.value:
+        call("MatDestroy", ctypes.byref(factor))
         raise PETSc.Error(ERROR_IN_LIBRARY)
-    return _factorise(matrix, inside, memory[1:], in_order=in_order)
+    return factor
 
 
 def _symmetrise(values: Array, block: int = 256) -> None:
