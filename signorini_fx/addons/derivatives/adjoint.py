@@ -30,7 +30,7 @@ from signorini_fx.addons.derivatives.law import LinearisedLaw
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import ElasticSystem, callbacks, petsc_options
-from signorini_fx.algebra.linalg.failures import unprinted
+from signorini_fx.algebra.linalg.petsc_c import unprinted
 from signorini_fx.algebra.problem.tangent import ContactTangent
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel

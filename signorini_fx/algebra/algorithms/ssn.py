@@ -16,8 +16,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_d
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.algebra.linalg import callbacks, finite, petsc_options
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
-from signorini_fx.algebra.linalg.failures import factor_lacks_memory, memory_ended, unlock, unprinted
-from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.linalg.petsc_c import call, factor_lacks_memory, memory_ended, unlock, unprinted
 from signorini_fx.algebra.method import INTERIOR_POINT, Settings
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
@@ -420,13 +419,9 @@ class SemismoothNewton:
                 return Status.NO_MEMORY
             sound = ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR
             return Status.LINEAR_SOLVER if sound else Status.SINGULAR
-        return Status.SINGULAR if self._broke_down() else Status.NOT_FINITE
-
-    def _broke_down(self) -> bool:
-        """Whether numbers that are not finite come from a linear solve, whose matrix and right-hand side are finite."""
-        if not self._assembled:
-            return False
-        return finite(self.snes.getJacobian()[0]) and not finite(self.snes.getSolutionUpdate())
+        # A linear solve breaks down if its matrix is finite and its solution is not.
+        solved = self._assembled and finite(self.snes.getJacobian()[0])
+        return Status.SINGULAR if solved and not finite(self.snes.getSolutionUpdate()) else Status.NOT_FINITE
 
     def _stop(self, status: Status) -> int:
         self._status = status

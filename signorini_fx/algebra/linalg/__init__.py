@@ -18,6 +18,11 @@ from petsc4py import PETSc
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 
+# How the entries of a matrix that is added lie beside those of the sum.
+DIFFERENT_PATTERN = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+SUBSET_PATTERN = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+SAME_PATTERN = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+
 
 @dataclass
 class ElasticSystem(ABC):

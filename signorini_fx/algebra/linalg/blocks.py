@@ -17,18 +17,13 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import row_by_row
+from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, row_by_row
 from signorini_fx.algebra.linalg.callbacks import called_back
 
 if TYPE_CHECKING:
     from signorini_fx.algebra.linalg.kernels import BlockProduct
 
 Array = npt.NDArray[np.float64]
-_DIFFERENT_PATTERN, _SUBSET_PATTERN, _SAME_PATTERN = (
-    PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN,
-    PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
-    PETSc.Mat.Structure.SAME_NONZERO_PATTERN,
-)
 
 
 @dataclass(frozen=True)
@@ -172,7 +167,7 @@ class BlockStiffness(_Context):
         """A in single precision, made once for as long as somebody keeps it; collective."""
         rounded = self._rough()
         if rounded is None:
-            rounded = _python_matrix(BlockStiffness(self.rows.in_single_precision()), matrix, self.rows.size)
+            rounded = block_matrix(self.rows.in_single_precision(), matrix.comm)
             self._rough = weakref.ref(rounded)
         return rounded
 
@@ -188,8 +183,7 @@ class BlockStiffness(_Context):
         counts[unknowns] = np.bincount(row[inside], minlength=unknowns.size)
         csr = np.concatenate(([0], np.cumsum(counts))).astype(PETSc.IntType), row_columns[inside], values[inside]
         entries = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
-        remaining = BlockStiffness(self.rows.without(unknowns, inside))
-        return _python_matrix(remaining, matrix, self.rows.size), entries
+        return block_matrix(self.rows.without(unknowns, inside), matrix.comm), entries
 
 
 class AddedTangent(_Context):
@@ -222,44 +216,39 @@ class AddedTangent(_Context):
             part = self._stiffness.createSubMatrix(rows, columns)
             pattern = added.copy()
             pattern.zeroEntries()
-            part.axpy(1.0, pattern, structure=_DIFFERENT_PATTERN)
+            part.axpy(1.0, pattern, structure=DIFFERENT_PATTERN)
             self._parts[key] = row_by_row(part), rows
         part = self._parts[key][0]
         if into is None:
             into = part.copy()
         else:
-            part.copy(into, _SAME_PATTERN)
-        into.axpy(1.0, added, structure=_SUBSET_PATTERN)
+            part.copy(into, SAME_PATTERN)
+        into.axpy(1.0, added, structure=SUBSET_PATTERN)
         return into
 
     def change(self, added: PETSc.Mat) -> None:
         """Take the entries of another C with the same pattern; collective."""
-        added.copy(self._added, _SAME_PATTERN)
+        added.copy(self._added, SAME_PATTERN)
         if self._rough is not None:
             self._rough.stateIncrease()
 
     def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A copy as a sparse matrix; collective."""
         entries = by_entries(self._stiffness)
-        entries.axpy(1.0, self._added, structure=_DIFFERENT_PATTERN)
+        entries.axpy(1.0, self._added, structure=DIFFERENT_PATTERN)
         return row_by_row(entries)
 
     def rough(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """The same with A in single precision, which changes with it; collective."""
         if self._rough is None:
-            context = AddedTangent(rough(self._stiffness), self._added)
-            self._rough = _python_matrix(context, matrix, matrix.getBlockSize())
+            self._rough = with_added(rough(self._stiffness), self._added)
         return self._rough
 
 
-def _python_matrix(context: Any, like: PETSc.Mat, block: int) -> PETSc.Mat:
-    """The symmetric positive definite matrix of a context, with the layout of another one; collective."""
-    matrix = PETSc.Mat().create(like.comm)
-    matrix.setSizes(like.getSizes())
-    return _made(matrix, context, block)
-
-
-def _made(matrix: PETSc.Mat, context: Any, block: int) -> PETSc.Mat:
+def _python_matrix(context: Any, sizes: Any, block: int, comm: Any) -> PETSc.Mat:
+    """The symmetric positive definite matrix of a context with these sizes; collective."""
+    matrix = PETSc.Mat().create(comm)
+    matrix.setSizes(sizes)
     matrix.setBlockSize(block)  # before it is set up
     matrix.setType(PETSc.Mat.Type.PYTHON)
     matrix.setPythonContext(context)
@@ -271,9 +260,7 @@ def _made(matrix: PETSc.Mat, context: Any, block: int) -> PETSc.Mat:
 def block_matrix(rows: BlockRows, comm: Any) -> PETSc.Mat:
     """The matrix of the rows of all ranks; collective."""
     size = ((rows.starts.size - 1) * rows.size, None)
-    matrix = PETSc.Mat().create(comm)
-    matrix.setSizes((size, size))
-    return _made(matrix, BlockStiffness(rows), rows.size)
+    return _python_matrix(BlockStiffness(rows), (size, size), rows.size, comm)
 
 
 def is_by_blocks(matrix: PETSc.Mat) -> bool:
@@ -283,7 +270,8 @@ def is_by_blocks(matrix: PETSc.Mat) -> bool:
 
 def with_added(stiffness: PETSc.Mat, added: PETSc.Mat) -> PETSc.Mat:
     """A + C of A by blocks; C, with all the entries it may have, becomes part of it; collective."""
-    return _python_matrix(AddedTangent(stiffness, added), stiffness, stiffness.getBlockSize())
+    context, block = AddedTangent(stiffness, added), stiffness.getBlockSize()
+    return _python_matrix(context, stiffness.getSizes(), block, stiffness.comm)
 
 
 def change_added(tangent: PETSc.Mat, added: PETSc.Mat) -> None:

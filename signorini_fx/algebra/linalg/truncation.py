@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import row_by_row
+from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, row_by_row
 from signorini_fx.algebra.linalg.blocks import apart, change_added, is_by_blocks, with_added
 from signorini_fx.tuned import NOTHING_LEFT
 
@@ -28,11 +28,6 @@ if TYPE_CHECKING:
     from signorini_fx.algebra.linalg.nodal_blocks import NodalBlocks
 
 Array = npt.NDArray[np.float64]
-_SAME_PATTERN, _SUBSET_PATTERN, _DIFFERENT_PATTERN = (
-    PETSc.Mat.Structure.SAME_NONZERO_PATTERN,
-    PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
-    PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN,
-)
 
 
 class TruncatedLevels:
@@ -58,24 +53,24 @@ class TruncatedLevels:
         zero_blocks = np.zeros(blocks.shape)
         self._held, self._soft = blocks.matrix(zero_blocks), blocks.matrix(zero_blocks)
         self._stiffness = elastic.copy() if lift is None else elastic.ptap(lift)
-        self._stiffness.axpy(1.0, self._soft, structure=_DIFFERENT_PATTERN)
+        self._stiffness.axpy(1.0, self._soft, structure=DIFFERENT_PATTERN)
         self._product = product if lift is None else lift.transposeMatMult(product)
         # Everything with no direction held, for its pattern.
         self._along = self._held.matMult(functions)
         self._moved = self._along if lift is None else lift.matMult(self._along)
         self._contact_rows = interpolations[0].createSubMatrix(places, None)
-        self._contact_rows.axpy(1.0, self._moved, structure=_DIFFERENT_PATTERN)
+        self._contact_rows.axpy(1.0, self._moved, structure=DIFFERENT_PATTERN)
         self._kept_rows = self._contact_rows.copy()
         self.interpolation = interpolations[0].copy()
-        self.interpolation.axpy(1.0, self._in_all_rows(self._moved), structure=_DIFFERENT_PATTERN)
+        self.interpolation.axpy(1.0, self._in_all_rows(self._moved), structure=DIFFERENT_PATTERN)
         row_by_row(self.interpolation)
         self._law = self._stiffness.ptap(self._held)
         self._by_law = self._law.ptap(functions)
         self._half = self._along.transposeMatMult(self._product)
         self._other_half = self._half.transpose(PETSc.Mat())
         change = self._by_law.copy()
-        change.axpy(1.0, self._half, structure=_DIFFERENT_PATTERN)
-        change.axpy(1.0, self._other_half, structure=_DIFFERENT_PATTERN)
+        change.axpy(1.0, self._half, structure=DIFFERENT_PATTERN)
+        change.axpy(1.0, self._other_half, structure=DIFFERENT_PATTERN)
         self._changes, self._products = [change], list[PETSc.Mat]()
         for interpolation in self._below:
             self._products.append(self._changes[-1].matMult(interpolation))
@@ -85,7 +80,7 @@ class TruncatedLevels:
             wider = _widened(level, change)
             if is_by_blocks(level):  # what truncation cancels is beside it in double precision
                 level, entries = apart(level, change)
-                wider.axpy(1.0, entries, structure=_SUBSET_PATTERN)
+                wider.axpy(1.0, entries, structure=SUBSET_PATTERN)
                 self.coarse.append(with_added(level, wider.copy()))
             else:
                 self.coarse.append(row_by_row(wider.copy()))
@@ -109,22 +104,22 @@ class TruncatedLevels:
         self._held.matMult(self._functions, result=self._along)
         if self._lift is not None:
             self._lift.matMult(self._along, result=self._moved)
-        self._contact_rows.copy(self._kept_rows, _SAME_PATTERN)
-        self._kept_rows.axpy(-1.0, self._moved, structure=_SUBSET_PATTERN)
+        self._contact_rows.copy(self._kept_rows, SAME_PATTERN)
+        self._kept_rows.axpy(-1.0, self._moved, structure=SUBSET_PATTERN)
         starts, columns, values = self._kept_rows.getValuesCSR()
         if len(starts) > 1:
             self.interpolation.setValuesIJV(starts, columns, values, rowmap=self._places.getIndices())
         self.interpolation.assemble()
         self._stiffness.ptap(self._held, result=self._law)
-        self._law.axpy(1.0, self._soft, structure=_SUBSET_PATTERN)
+        self._law.axpy(1.0, self._soft, structure=SUBSET_PATTERN)
         self._law.ptap(self._functions, result=self._by_law)
         self._along.transposeMatMult(self._product, result=self._half)
         self._half.transpose(self._other_half)
         change = self._changes[0]
         change.zeroEntries()
-        change.axpy(1.0, self._by_law, structure=_SUBSET_PATTERN)
-        change.axpy(-1.0, self._half, structure=_SUBSET_PATTERN)
-        change.axpy(-1.0, self._other_half, structure=_SUBSET_PATTERN)
+        change.axpy(1.0, self._by_law, structure=SUBSET_PATTERN)
+        change.axpy(-1.0, self._half, structure=SUBSET_PATTERN)
+        change.axpy(-1.0, self._other_half, structure=SUBSET_PATTERN)
         above = zip(self._changes, self._below, self._products, self._changes[1:], strict=False)
         for change, interpolation, product, below in above:
             change.matMult(interpolation, result=product)
@@ -132,11 +127,11 @@ class TruncatedLevels:
         for level, untruncated, change in zip(self.coarse, self._untruncated, self._changes, strict=True):
             if is_by_blocks(level):
                 beside = untruncated.copy()
-                beside.axpy(1.0, change, structure=_SUBSET_PATTERN)
+                beside.axpy(1.0, change, structure=SUBSET_PATTERN)
                 change_added(level, beside)
             else:
-                untruncated.copy(level, _SAME_PATTERN)
-                level.axpy(1.0, change, structure=_SUBSET_PATTERN)
+                untruncated.copy(level, SAME_PATTERN)
+                level.axpy(1.0, change, structure=SUBSET_PATTERN)
 
 
 def _widened(matrix: PETSc.Mat, pattern: PETSc.Mat) -> PETSc.Mat:
@@ -149,7 +144,7 @@ def _widened(matrix: PETSc.Mat, pattern: PETSc.Mat) -> PETSc.Mat:
         wider = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
     else:
         wider = matrix.copy()
-    wider.axpy(1.0, pattern, structure=_DIFFERENT_PATTERN)
+    wider.axpy(1.0, pattern, structure=DIFFERENT_PATTERN)
     diagonal.scale(NOTHING_LEFT)
     wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
     return wider
