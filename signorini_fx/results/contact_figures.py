@@ -15,7 +15,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import total_work
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.reactions import largest_multiple, reactions
+from signorini_fx.algebra.contact.statics import largest_multiple, reactions
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN

@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 from scipy.optimize import linprog
 
-from signorini_fx.algebra.contact.reactions import Reactions, largest_multiple, nearest, separable
+from signorini_fx.algebra.contact.statics import Reactions, largest_multiple, nearest, separable
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 
 KINDS = ("coulomb", "tresca", "mixed", "capped")

@@ -31,7 +31,7 @@ from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import ElasticSystem, callbacks, petsc_options
 from signorini_fx.algebra.linalg.petsc_c import unprinted
-from signorini_fx.algebra.problem.tangent import ContactTangent
+from signorini_fx.algebra.problem.regularised import ContactTangent
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS, SAME_NUMBER

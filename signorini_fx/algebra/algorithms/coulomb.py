@@ -13,7 +13,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
-from signorini_fx.algebra.contact.statics import no_balance
+from signorini_fx.algebra.contact.statics import largest_multiple, no_balance, reactions
 from signorini_fx.algebra.problem.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
@@ -80,8 +80,6 @@ def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: 
 
 def share_of_loads(task: Task, data: RegularisedData) -> float:
     """A multiple of the loads above which no pressures, and no shears up to the given bound, carry them; collective."""
-    from signorini_fx.algebra.contact.reactions import largest_multiple, reactions
-
     motions, load = task.motions, task.system.resultant
     allowed = reactions(motions, as_given(data.bound), data.bilateral)
     loaded = [(number, columns) for number, columns in motions.assemblies if load[columns].any()]

@@ -1,25 +1,34 @@
 """Statics of a body on its foundation: which loads admissible contact tractions can balance, and how many times over.
 
-Whether the load W is in the set C of the resultants of admissible tractions (``reactions``) does not depend on the
-stiffness of the body.  The direction r from the nearest point of C to W is a motion, and both answers are checked by
-plain arithmetic:
+Admissible are lambda >= 0, of any sign where contact is bilateral, and |mu| <= min(g + F lambda, cap).  Their
+resultants on the rigid motions that the supports leave free form a convex set C, the sum of a cone and of a bounded
+set.  Whether the load W is in C does not depend on the stiffness of the body.  The direction r from the nearest point
+of C to W is a motion, and both answers are checked by plain arithmetic:
 
 - tractions that leave nothing of W are a balance;
 - if W does more work on r than any admissible tractions can take, there is none, however the body deforms.
+
+The nearest point is found by the active-set method of Lawson and Hanson (*Solving Least Squares Problems*, chapter 23),
+whose columns are not listed beforehand: each motion says which tractions work most against it, in closed form, the disc
+of |mu| included.  Nothing is replaced by polygons, and there is no status of a solver to be trusted.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.friction import PointFriction, as_given
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LARGEST_BALANCING_FORCE, NO_FORCE, NOTHING_LEFT, ZERO_COMPONENT
+
+# Columns that a motion adds, for each dimension; motions that are tried, and those without progress.
+_COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
 
 
 @dataclass(frozen=True)
@@ -64,8 +73,6 @@ def no_balance(
     """
     if not load.size:
         return None
-    from signorini_fx.algebra.contact.reactions import escape, reactions, separable, squeezed
-
     everywhere = motions.points.everywhere
     able = ~everywhere if law is None else law.acts
     unheld = motions.unheld(everywhere, able)
@@ -92,3 +99,309 @@ def no_balance(
             motion[columns] = escaping[1]
             return Escape(escaping[0], number, motion)
     return None
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """What the n contact nodes of all ranks can do against k rigid motions; the same on every rank.
+
+    Attributes:
+        normal: each motion along the normal of each node, shape (n, k); zero at a node that cannot press.
+        tangential: along its tangents, shape (n, d - 1, k).
+        given: given part of the friction bound, a force, shape (n,); may be infinite.
+        coefficient: F where the bound depends on the pressure, shape (n,).
+        cap: the largest bound, a force, shape (n,); infinite where there is none.
+        bilateral: whether the contact cannot open, shape (n,).
+        assembly: number of the assembly that the node is in, shape (n,).
+    """
+
+    normal: Nodal
+    tangential: Nodal
+    given: Nodal
+    coefficient: Nodal
+    cap: Nodal
+    bilateral: npt.NDArray[np.bool_]
+    assembly: npt.NDArray[np.int64]
+
+    def of(self, number: int, columns: npt.NDArray[np.bool_]) -> Reactions:
+        """The nodes and the motions of one assembly."""
+        in_assembly = self.assembly == number
+        return Reactions(
+            normal=self.normal[in_assembly][:, columns],
+            tangential=self.tangential[in_assembly][:, :, columns],
+            given=self.given[in_assembly],
+            coefficient=self.coefficient[in_assembly],
+            cap=self.cap[in_assembly],
+            bilateral=self.bilateral[in_assembly],
+            assembly=self.assembly[in_assembly],
+        )
+
+    @property
+    def friction(self) -> npt.NDArray[np.bool_]:
+        """The nodes with friction, shape (n,)."""
+        return np.asarray((self.given > 0) | (self.coefficient > 0))
+
+    @property
+    def rough(self) -> Reactions:
+        """The same with unlimited friction wherever there is any."""
+        return replace(self.unlimited(self.friction), coefficient=np.zeros_like(self.coefficient))
+
+    def unlimited(self, where: npt.NDArray[np.bool_]) -> Reactions:
+        """The same with unlimited given friction at some nodes, and none at the others."""
+        bound = np.where(where, np.inf, 0.0)
+        return replace(self, given=bound, cap=np.full_like(bound, np.inf))
+
+    def against(self, motion: Nodal, unit_of_force: float) -> tuple[Nodal, Nodal, npt.NDArray[np.int64], Nodal]:
+        """The tractions that do most work on a motion of shape (k,).
+
+        Returns:
+            Edges of the cone and directions within it, one per row, the resultants of unlimited tractions that are not
+            round-off, and their lengths, shape (m,); the node that each of them presses, shape (m,), -1 for friction
+            without pressure; and the resultant of limited tractions that does the most work, shape (k,), in the given
+            unit.
+        """
+        away, slip = self.normal @ motion, self.tangential @ motion
+        along = unit(slip)
+        pull = np.einsum("it,itk->ik", along, self.tangential)
+        stick = np.isinf(self.given)
+        capped = np.isfinite(self.cap) & (self.coefficient > 0)
+        share = np.where(stick | capped, 0.0, self.coefficient)
+        side = np.where(self.bilateral & (away < 0), -1.0, 1.0)
+        pressed, size = side * away, length(slip)
+        # Of a given size less friction does more work where the motion presses more than it slips.
+        reduced = np.flatnonzero((pressed > 0) & (size < share * pressed))
+        reduced_pull = (size[reduced] / pressed[reduced])[:, None] * pull[reduced]
+        normal = side[:, None] * self.normal
+        edges = np.concatenate((normal + share[:, None] * pull, normal[reduced] + reduced_pull, pull[stick]))
+        node = np.concatenate((np.arange(away.size), reduced, np.full(np.count_nonzero(stick), -1)))
+        # Up to its cap, friction grows with the pressure.
+        lift = np.zeros_like(away)
+        lift[capped] = (self.cap[capped] - self.given[capped]) / self.coefficient[capped]
+        lift[away + self.coefficient * size <= 0] = 0.0
+        bound = np.where(stick, 0.0, np.where(lift > 0, self.cap, self.given)) / unit_of_force
+        lengths = np.linalg.norm(edges, axis=1)
+        real = lengths > NO_FORCE
+        return edges[real], lengths[real], node[real], bound @ pull + (lift / unit_of_force) @ self.normal
+
+
+def reactions(
+    motions: FreeMotions,
+    law: PointFriction | None,
+    bilateral: npt.NDArray[np.bool_],
+    pressing: npt.NDArray[np.bool_] | None = None,
+) -> Reactions:
+    """What contact can do against the free rigid motions; ``law``: of friction, stresses, None without; ``bilateral``:
+    nodes whose contact cannot open, ``pressing``: at which the foundation can press, None: at all; given friction acts
+    at all nodes; collective.
+    """
+    points, k, tangents = motions.points, motions.count, motions.points.dimension - 1
+    law = as_given(np.zeros(points.size)) if law is None else law.forces(points.weight)
+    able = np.ones(points.size) if pressing is None else pressing
+    cap = np.full(points.size, np.inf) if law.cap is None else law.cap
+    laws = (law.given, law.coefficient, cap, bilateral, able, motions.of_point)
+    flat = motions.relative.reshape(points.size, (1 + tangents) * k)
+    table = parallel.gather_rows(points.comm, np.column_stack((flat, *laws)))
+    base_bound, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
+    sideways = table[:, k : (1 + tangents) * k].reshape(-1, tangents, k)
+    # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda| is not convex.
+    unlimited = (share > 0) & ((sides > 0) | (share > LARGEST_BALANCING_FORCE))
+    return Reactions(
+        normal=np.where(able[:, None] > 0, table[:, :k], 0.0),
+        tangential=sideways,
+        given=np.where(unlimited & (able > 0), cap, np.minimum(base_bound, cap)),
+        coefficient=np.where(unlimited | (able == 0), 0.0, share),
+        cap=cap,
+        bilateral=sides > 0,
+        assembly=assembly.astype(np.int64),
+    )
+
+
+@dataclass(frozen=True)
+class NearestTractions:
+    """The admissible tractions of one assembly whose resultant is nearest to a load: what they leave of it, the motion
+    that it drives, in units of force, shape (k,), and the nodes that they press with a force that no bound limits.
+    ``balanced``: nothing but round-off is left; ``unbalanced``: it is proved that none balance the load.
+    """
+
+    motion: Nodal
+    pressed: npt.NDArray[np.int64]
+    balanced: bool
+    unbalanced: bool
+
+
+def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> NearestTractions:
+    """The tractions of one assembly nearest to a load, its work on the motions, whose size is the unit of force. A
+    limited resultant z is the column (z, 1), an unlimited edge e the column (e, 0), and the load (W, 1). ``unlimited``:
+    whether tractions with a given bound are left out; how many times the load acts does then not matter.
+    """
+    size = float(np.linalg.norm(load))
+    target = np.append(load / size, 0.0 if unlimited else 1.0)
+    columns, pressing = np.eye(target.size)[-1:], np.array([-1])
+    passive: list[int] = []
+    previous, stalled = np.inf, 0
+    for _ in range(_ROUNDS):
+        passive, values, residual = combination(columns, target, passive)
+        distance = float(np.linalg.norm(residual))
+        stalled = stalled + 1 if distance > (1 - 1e-13) * previous else 0
+        # Independent columns are no more than their components: the others differ by round-off.
+        if distance <= NO_FORCE**1.5 or stalled > _PATIENCE or len(passive) > 4 * target.size:
+            break
+        previous = distance
+        edges, lengths, node, bounded = contact.against(residual[:-1], size)
+        rows = np.column_stack((edges / lengths[:, None], np.zeros(lengths.size)))
+        if not unlimited:
+            rows, node = np.vstack((rows, np.append(bounded, 1.0))), np.append(node, -1)
+            rows[-1] /= np.linalg.norm(rows[-1])
+        work = rows @ residual
+        steepest = np.argsort(-work, kind="stable")[: _COLUMNS * target.size]
+        steepest = steepest[work[steepest] > max(ZERO_COMPONENT, NOTHING_LEFT * distance)]
+        if not steepest.size:
+            break
+        columns, pressing = np.concatenate((columns, rows[steepest])), np.concatenate((pressing, node[steepest]))
+    motion = residual[:-1]
+    balanced = bool(distance <= NO_FORCE and values.sum() <= LARGEST_BALANCING_FORCE)
+    gained = motion @ target[:-1] - most_work(contact, motion, size, unlimited=unlimited)
+    unbalanced = not balanced and bool(gained > NO_FORCE * np.linalg.norm(motion))
+    pressed = np.unique(pressing[passive])
+    return NearestTractions(motion, pressed[pressed >= 0], balanced, unbalanced)
+
+
+def most_work(contact: Reactions, motion: Nodal, size: float, *, unlimited: bool = False) -> float:
+    """The most work that admissible tractions do on a motion, in units of ``size``: those with a bound, and others as
+    far as round-off of the motion lets them, whose sum is at most ``LARGEST_BALANCING_FORCE`` times it.
+    """
+    edges, lengths, _, bounded = contact.against(motion, size)
+    beyond = float(np.max(edges @ motion / lengths, initial=0.0))
+    return (0.0 if unlimited else float(bounded @ motion)) + LARGEST_BALANCING_FORCE * beyond
+
+
+def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list[int], Nodal, Nodal]:
+    """The combination of columns of length 1, one per row, with non-negative coefficients that is nearest to the
+    target: the rows with positive coefficients, these, and what is left of the target; ``passive``: rows that had
+    positive coefficients with fewer columns.
+    """
+    passive = list(passive)
+    values = _solve(columns[passive], target)
+    banned: list[int] = []
+    residual = target - values @ columns[passive]
+    for _ in range(10 * target.size):
+        gain = columns @ residual
+        gain[passive + banned] = -np.inf
+        best = int(np.argmax(gain)) if gain.size else -1
+        if best < 0 or gain[best] <= max(ZERO_COMPONENT, NOTHING_LEFT * float(np.linalg.norm(residual))):
+            break
+        passive, values = [*passive, best], np.append(values, 0.0)
+        while True:
+            wanted = _solve(columns[passive], target)
+            low = wanted <= 0
+            if not low.any():
+                values = wanted
+                break
+            if low[-1] and values[-1] == 0.0:
+                banned.append(passive.pop())
+                values = values[:-1]
+                break
+            steps = np.divide(values, values - wanted, out=np.full_like(values, np.inf), where=low)
+            first = int(np.argmin(steps))
+            values = values + steps[first] * (wanted - values)
+            values[first] = 0.0  # whatever round-off leaves: the set must shrink
+            positive = ~low | (values > 0)
+            passive = [row for row, keep in zip(passive, positive, strict=True) if keep]
+            values = values[positive]
+        residual = target - values @ columns[passive]
+    return passive, values, residual
+
+
+def _solve(columns: Nodal, target: Nodal) -> Nodal:
+    """The coefficients of the columns, one per row, that come nearest to the target."""
+    return np.asarray(np.linalg.lstsq(columns.T, target, rcond=None)[0]) if len(columns) else np.zeros(0)
+
+
+def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
+    """How a load, its work on the motions, not zero, moves one assembly away, and the motion that it drives, shape
+    (k,); None: not proved.
+    """
+    near = nearest(contact, load)
+    if not near.unbalanced:
+        return None
+    if contact.friction.any():
+        rough = nearest(contact.rough, load)
+        if not rough.unbalanced:
+            return Status.SLIDES, along_contact(contact, near.motion, near.pressed)
+        near = rough
+    if not near.pressed.size:
+        return Status.OPEN, near.motion
+    motion = along_contact(contact, near.motion, near.pressed)
+    at_nodes = np.concatenate((contact.normal[:, None], contact.tangential), axis=1) @ motion
+    still = np.abs(at_nodes[near.pressed]).max() <= CERTIFICATE_TOLERANCE * np.abs(at_nodes).max()
+    return (Status.TIPS if still else Status.OPEN), motion
+
+
+def along_contact(contact: Reactions, motion: Nodal, pressed: npt.NDArray[np.int64]) -> Nodal:
+    """A motion that keeps pressed nodes in contact, shape (k,).
+
+    Where friction follows the pressure, the motion on which tractions can do no more work lifts slipping nodes off; the
+    body does not.  The motion is returned as it is if nothing else is left of it.
+    """
+    rows = contact.normal[pressed]
+    sliding: Nodal = motion - np.linalg.lstsq(rows, rows @ motion, rcond=NO_FORCE)[0] if len(rows) else motion
+    return sliding if np.linalg.norm(sliding) > NO_FORCE * np.linalg.norm(motion) else motion
+
+
+def separable(contact: Reactions) -> bool:
+    """Whether one assembly can move off its foundation at all nodes at once, without slip where friction is given.
+
+    Then no pressures are in balance: without a load there are none, and nothing says where the body is.
+    """
+    if contact.bilateral.any():
+        return False
+    zero = np.zeros_like(contact.given)
+    with_distance = replace(
+        contact.unlimited(contact.given > 0),
+        normal=np.column_stack((contact.normal, zero + 1.0)),
+        tangential=np.concatenate((contact.tangential, np.zeros_like(contact.tangential[:, :, :1])), axis=2),
+    )
+    return nearest(with_distance, np.eye(contact.normal.shape[1] + 1)[-1], unlimited=True).unbalanced
+
+
+def squeezed(contact: Reactions, gap: Nodal) -> bool:
+    """Whether one assembly is held by its foundation without a load, as in an interference fit with these gaps at its
+    contact nodes. Its nodes overlap with the foundation wherever it is if pressures in balance do work on the gaps that
+    is negative.
+    """
+    size = float(np.abs(gap).max(initial=0.0))
+    if size == 0.0:
+        return False
+    rows = np.column_stack((contact.normal, gap / size + NO_FORCE))
+    rows = np.concatenate((rows, -np.column_stack((contact.normal, gap / size - NO_FORCE))[contact.bilateral]))
+    rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), NO_FORCE)
+    *_, residual = combination(rows, -np.eye(rows.shape[1])[-1], [])
+    return bool(np.linalg.norm(residual) <= NO_FORCE)
+
+
+def null_space(rows: Nodal, share: float = NO_FORCE) -> Nodal:
+    """Directions, one per column, perpendicular to all rows but for a share of them, round-off.
+
+    By singular values: the squares that the eigenvalues of a product are would be round-off below its own.
+    """
+    k = rows.shape[1]
+    _, values, directions = np.linalg.svd(np.linalg.qr(np.concatenate((rows, np.zeros((k, k)))), mode="r"))
+    null: Nodal = directions[values <= share * values[:1]].T
+    return null
+
+
+def largest_multiple(contact: Reactions, load: Nodal) -> float:
+    """The largest multiple of a load, its work on the motions, not zero, that admissible tractions of one assembly
+    balance; infinite beyond ``LARGEST_BALANCING_FORCE``. The motion that a larger multiple drives shows how much the
+    tractions can do against it at most: Newton's method for the largest one.
+    """
+    multiple, size = LARGEST_BALANCING_FORCE, float(np.linalg.norm(load))
+    while True:
+        near = nearest(contact, multiple * load)
+        if not near.unbalanced:
+            return np.inf if multiple == LARGEST_BALANCING_FORCE else multiple
+        *_, limited = contact.against(near.motion, size)
+        least = max(0.0, float(limited @ near.motion)) * size / float(load @ near.motion)
+        if least == 0.0 or least >= multiple * (1 - NO_FORCE):
+            return least
+        multiple = least

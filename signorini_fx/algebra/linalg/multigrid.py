@@ -30,10 +30,9 @@ from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks, rough
 from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.linalg.elasticity import Level
 from signorini_fx.algebra.linalg.factorisation import use_direct
-from signorini_fx.algebra.linalg.nodal_blocks import NodalBlocks
 from signorini_fx.algebra.linalg.petsc_c import call
 from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
-from signorini_fx.algebra.linalg.truncation import TruncatedLevels
+from signorini_fx.algebra.linalg.truncation import NodalBlocks, TruncatedLevels
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHING_LEFT, SAME_NUMBER
 

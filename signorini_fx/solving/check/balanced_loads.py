@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.reactions import Reactions, escape, null_space, reactions, squeezed
+from signorini_fx.algebra.contact.statics import Reactions, escape, null_space, reactions, squeezed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import names_of
