@@ -22,8 +22,8 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import Field
 
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
-from signorini_fx.meshes import Length, cells_of_grid, generator, refuse_too_large
+from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.meshes import Length, cells_of_grid, generator, refuse, refuse_too_large
 
 Count = Annotated[int, Field(gt=0, le=20_000)]
 
@@ -35,6 +35,7 @@ def generate(
     *,
     length: Length = 3.0,
     height: Length = 1.0,
+    lower: Annotated[float, Field(ge=0)] = 0.0,
     nx: Count = 120,
     ny: Count = 40,
     cell: Literal["quadrilateral", "triangle"] = "quadrilateral",
@@ -46,32 +47,24 @@ def generate(
         comm: the ranks that share the mesh.
         length: extent along x[0].
         height: extent along x[1].
+        lower: where left and right begin, at nodes: lower / height is a multiple of 1 / ny.
         nx: cells along x[0].
         ny: cells along x[1].
         cell: shape of the cells.
         diagonal: how a quadrilateral is cut into triangles.
 
     Returns:
-        The mesh with the boundaries left, right, bottom, top.
+        The mesh with the boundaries left, right, bottom, top; what is below left and right has no name.
+
+    Raises:
+        SceneError: left and right would begin elsewhere than at ``lower``, so that the body would be held elsewhere.
     """
-    return structured(comm, (length, height), (nx, ny), cell, diagonal)
-
-
-def structured(
-    comm: MPI.Comm,
-    extent: tuple[float, float],
-    counts: tuple[int, int],
-    cell: str,
-    diagonal: str = "right",
-    lower: float = 0.0,
-) -> TaggedMesh:
-    """The rectangle from the origin to ``extent`` with names on its four sides, on left and right from ``lower`` up."""
-    refuse_too_large(comm, cells_of_grid(*counts, cell))
-    corners = [np.zeros(2), np.array(extent)]
-    mesh = dmesh.create_rectangle(
-        comm, corners, list(counts), dmesh.CellType[cell], diagonal=dmesh.DiagonalType[diagonal]
-    )
-    (length, height), near = extent, 1e-9 * max(extent)
+    row, near = round(lower / height * ny), 1e-9 * max(length, height)
+    if not row < ny or abs(lower - row * height / ny) > near:
+        refuse("lower", f"there are no nodes at {lower:g}: with ny = {ny} it must be a multiple of {height / ny:g}")
+    refuse_too_large(comm, cells_of_grid(nx, ny, cell))
+    corners = [np.zeros(2), np.array([length, height])]
+    mesh = dmesh.create_rectangle(comm, corners, [nx, ny], dmesh.CellType[cell], diagonal=dmesh.DiagonalType[diagonal])
     return tag_boundaries(
         mesh,
         {

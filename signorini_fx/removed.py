@@ -29,6 +29,7 @@ INSTEAD: dict[str, str] = {
         [f"mesh.generator = {name}" for name in ("block_on_cylinder", "dovetail", "wedge_block")],
         "draw the body in a .geo, such as demos/blade_foot.geo, and give it as mesh.file",
     ),
+    "mesh.generator = notched_sides": "use rectangle with its parameter lower, the height above which sides are named",
     "contact.overclosure.law = exponential": "use the stiffness at the pressure that is expected: { stiffness = ... }",
     "contact.overclosure.law = tabular": "use the stiffness at the pressure that is expected: { stiffness = ... }",
     "material.poisson_grading": "write one [[material]] for each region of the mesh",

@@ -37,7 +37,6 @@ PLANE = {
         {"bottom": 3, "top": 3, "left": 1, "right": 1},
     ),
     "rectangle": ({"nx": 12, "ny": 4}, 3.0, {"bottom": 3, "top": 3, "left": 1, "right": 1}),
-    "notched_sides": ({"nx": 30, "ny": 10}, 3.0, {"bottom": 3, "top": 3, "left": 0.8, "right": 0.8}),
     "half_disk": ({"contact_size": 0.2}, 32 * pi, {"arc": 8 * pi, "top": 16}),
     "ring_segment": (
         {"contact_size": 0.2},
@@ -275,8 +274,8 @@ def test_refined(name, everything):
     [
         ("ring_segment", {"thickness": 9.0}, "thickness"),
         ("ring_segment", {"angle": 180.0}, "angle"),
-        ("notched_sides", {"ny": 10, "lower": 0.25}, "lower"),
-        ("notched_sides", {"lower": 1.0}, "lower"),
+        ("rectangle", {"ny": 10, "lower": 0.25}, "lower"),
+        ("rectangle", {"lower": 1.0}, "lower"),
         ("punch", {"rounding": 2.0}, "rounding"),
         ("wedge", {"angle": 90.0}, "angle"),
         ("wedge", {"nx": 0}, "nx"),

@@ -226,7 +226,6 @@ def test_without_mumps(without, packages, wanted):
     ("generator", "parameters"),
     [
         ("rectangle", {"nx": 20_000, "ny": 20_000}),
-        ("notched_sides", {"nx": 20_000, "ny": 20_000}),
         ("block", {"nx": 5_000, "ny": 5_000}),
         ("half_disk", {"contact_size": 1e-9}),
         ("half_disk", {"size": 1e-9}),

@@ -17,7 +17,7 @@ from signorini_fx.mechanics.statement.values import Finite, Positive, Selection,
 # Files that gmsh meshes: its scripts, and CAD drawings.
 DRAWN = (".geo", ".step", ".stp", ".brep")
 # The generators of bodies without arcs.
-WITHOUT_ARCS = ("rectangle", "block", "box", "notched_sides", "wedge")
+WITHOUT_ARCS = ("rectangle", "block", "box", "wedge")
 
 
 class MeshFile(Table):
