@@ -15,9 +15,9 @@ from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.refinement import check_divisible
 from signorini_fx.mechanics.mesh.tagged import (
     TaggedMesh,
+    cells_of_generator,
     curvature,
     curved_parameters,
-    generated_cell,
     has_local_sizes,
     load_file,
     simplex_parameters,
@@ -153,7 +153,7 @@ def _with_curved_bodies(scene: Scene) -> Scene:
             return scene
         name, original = body.mesh.generator, body.mesh.parameters
         parameters = curved_parameters(name, original)
-        if parameters is None or generated_cell(name, original) in ("tetrahedron", "hexahedron"):
+        if parameters is None or cells_of_generator(name, original)[:1] in (("tetrahedron",), ("hexahedron",)):
             return scene
         mesh = body.mesh.model_copy(update={"parameters": parameters})
         curved.append(body.model_copy(update={"mesh": mesh}))
@@ -182,7 +182,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     assert isinstance(scene.mesh, MeshGenerator)
     name, original = scene.mesh.generator, scene.mesh.parameters
     triangles = simplex_parameters(name, original)
-    cell = generated_cell(name, original)
+    cell = next(iter(cells_of_generator(name, original)), None)
     if cell in _SIMPLEX and goal.refinement == "adaptive":
         several, simplex = _SIMPLEX[cell]
         message = f"{several} cannot be divided one by one and stay conforming: use cell = '{simplex}', or 'uniform'"

@@ -103,10 +103,10 @@ def test_a_deck(tmp_path, capsys):
     assert "*NODE FILE: not written" in noted
     assert f"# Left out: {noted}\n" in scene.read_text()
     keywords = [line.partition(": ")[0].partition("*")[2] for line in data["incomplete"]]
-    assert keywords == ["MODEL CHANGE", "SURFACE BEHAVIOR"]
+    assert keywords == ["SURFACE BEHAVIOR", "MODEL CHANGE"]
     assert data["point_force"] == [{"at": [0.5, 0.0], "x": 5.0, "factors": [0.0, 1.0]}]
     assert data["solver"] == {"gamma_n": 1e6}
-    number = int(data["incomplete"][1].split()[1].rstrip(","))
+    number = int(data["incomplete"][0].split()[1].rstrip(","))
     assert (tmp_path / "deck.inp").read_text().splitlines()[number - 1].startswith("*SURFACE BEHAVIOR")
 
 

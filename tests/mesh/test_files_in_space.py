@@ -260,9 +260,9 @@ def test_faces_of_step(drawings, name):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("odd.step", b"no drawing", "is no STEP file: it does not begin with ISO-10303-21"),
+        ("odd.step", b"no drawing", "is no file of the format step: it does not begin with ISO-10303-21"),
         ("odd.stp", b"ISO-10303-21;\nHEADER;\n", "gmsh cannot read it"),
-        ("odd.brep", b"Point(1) = {0, 0, 0};", "is no BREP file of OpenCASCADE"),
+        ("odd.brep", b"Point(1) = {0, 0, 0};", "is no file of the format brep"),
         ("odd.brep", b"DBRep_DrawableShape\n\nCASCADE Topology V1", "gmsh cannot read it"),
     ],
 )

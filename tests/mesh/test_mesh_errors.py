@@ -117,8 +117,8 @@ NO_LIBRARY = 'raise OSError("libGLU.so.1: cannot open shared object file")'
 @pytest.mark.parametrize(
     ("module", "message"),
     [
-        ("raise ModuleNotFoundError('gmsh')", "gmsh, which is not installed: pip install gmsh, or apt install"),
-        (NO_LIBRARY, "cannot be loaded: libGLU.so.1: cannot open .*: apt install libgl1 libglu1-mesa"),
+        ("raise ModuleNotFoundError('gmsh')", "cannot be loaded: gmsh: pip install gmsh, or apt install"),
+        (NO_LIBRARY, "cannot be loaded: libGLU.so.1: cannot open .*; its wheel needs libgl1 libglu1-mesa"),
     ],
 )
 @pytest.mark.mpi

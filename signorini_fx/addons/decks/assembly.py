@@ -67,7 +67,6 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
     parts: dict[str, list[DeckBlock]] = {}
     instances: dict[str, _Scope] = {}
     order: list[tuple[DeckBlock | None, _Scope]] = []
-    titles: set[str] = set()
     scope: list[DeckBlock] | None = None
     for block in blocks:
         if block.keyword == "PART":
@@ -81,8 +80,6 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
             scope = instance.blocks
         elif block.keyword in _LEVELS:
             scope = None
-            if block.keyword == "ASSEMBLY":
-                titles.add(block.parameters.get("NAME", "").upper())
         elif scope is None:
             order.append((block, assembly))
             assembly.blocks.append(block)
@@ -95,7 +92,7 @@ def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
     if not any(block.keyword in ("NODE", "ELEMENT") for block in assembly.blocks):
         assembly.first = 0  # numbers are those of the only instance, in files that say so without its name
     counts = Counter(name for part_scope in (*instances.values(), assembly) for name in part_scope.names)
-    names = _Names(assembly, instances, counts, titles - instances.keys())
+    names = _Names(assembly, instances, counts)
     return [
         names.written(block, part_scope)
         for one, part_scope in order
@@ -158,13 +155,11 @@ class _Names:
         whole: all that is outside of instances.
         instances: by their names in capitals.
         counts: how many of them have a name.
-        titles: of the assembly itself, which may stand before the names of instances and sets.
     """
 
     whole: _Scope
     instances: dict[str, _Scope]
     counts: Counter[str]
-    titles: set[str]
 
     def word(self, word: str, scope: _Scope, *, numbered: bool = True) -> str:
         """A set, a surface, a node or an element as it is called in the whole.
@@ -175,8 +170,6 @@ class _Names:
             numbered: whether a whole number is that of a node or element.
         """
         prefix, dot, suffix = word.partition(".")
-        if dot and prefix.strip().upper() in self.titles:
-            return self.word(suffix.strip(), self.whole, numbered=numbered)
         if dot and (candidate := self.instances.get(prefix.strip().upper())) is not None:
             return self.word(suffix.strip(), candidate)
         if word.isdecimal():

@@ -42,7 +42,7 @@ def read_friction(deck: Deck, block: DeckBlock) -> None:
         return
     interaction, rows = _interaction(deck), block.rows
     if "ROUGH" in block.parameters:
-        interaction.rough = block
+        deck.lose(block, "ROUGH is not read: this contact has no friction")
         return
     if rows and rows[0]:
         interaction.coefficient = real(rows[0][0])
@@ -63,6 +63,8 @@ def read_behaviour(deck: Deck, block: DeckBlock) -> None:
     for word in itertools.chain(*rows):
         real(word)  # also those that only some programs read
     interaction.behaviour, interaction.tied, interaction.stiffness = block, kind == "TIED", None
+    if "NOSEPARATION" in block.parameters and not interaction.tied:
+        deck.lose(block, "NO SEPARATION is not read: this contact may open")
     if kind in ("LINEAR", "TIED") and rows and rows[0]:
         interaction.stiffness = _stiffness_of(rows[0][0])
     elif kind == "HARD" and any(rows):
@@ -121,12 +123,12 @@ def contact_tables(deck: Deck) -> tuple[list[list[str]], list[str]]:
         if _shared(facets[first], taken | touched) or _shared(facets[opposite], taken):
             deck.lose(pair.block, f"{label}: facets of {first!r} are in another contact, and have one only")
             continue
-        kind = _kind(deck, interaction)
         taken[first] = facets[first]
         touched[opposite] = facets[opposite]
         lines = [f"# {pair.block.origin}", f"boundary = {quoted(first)}", f"against = {quoted(opposite)}"]
-        lines += ['kind = "bonded"'] * (kind == "bonded")
-        if kind != "bonded" and interaction is not None:
+        if interaction is None or interaction.tied:
+            lines.append('kind = "bonded"')
+        else:
             lines += _adjust(deck, pair, label) + _friction(interaction)
         tables.append(lines)
         interactions.append(interaction)
@@ -150,17 +152,6 @@ def _oriented(deck: Deck) -> list[SurfacePair]:
     return [turned(pair) for pair in deck.pairs]
 
 
-def _kind(deck: Deck, interaction: Interaction | None) -> str:
-    """The kind of a contact; what it loses is said."""
-    if interaction is None or interaction.tied:
-        return "bonded"
-    if interaction.behaviour is not None and "NOSEPARATION" in interaction.behaviour.parameters:
-        deck.lose(interaction.behaviour, "NO SEPARATION is not read: this contact may open")
-    if interaction.rough is not None:
-        deck.lose(interaction.rough, "ROUGH is not read: this contact has no friction")
-    return "unilateral"
-
-
 def _adjust(deck: Deck, pair: SurfacePair, label: str) -> list[str]:
     """How far points are moved onto the other side: ADJUST of *CONTACT PAIR, a length or a set of nodes."""
     if pair.adjust is None:
@@ -174,7 +165,7 @@ def _adjust(deck: Deck, pair: SurfacePair, label: str) -> list[str]:
 
 
 def _friction(interaction: Interaction) -> list[str]:
-    if not interaction.coefficient or interaction.rough is not None:
+    if not interaction.coefficient:
         return []
     cap = "" if interaction.cap is None else f", cap = {interaction.cap!r}"
     return [f'friction = {{ law = "coulomb", coefficient = {interaction.coefficient!r}{cap} }}']

@@ -68,7 +68,6 @@ class Interaction:
         coefficient: of friction.
         cap: the largest shear, stress; None: there is none.
         sticking: stiffness of sticking, stress per length; None: the file gives none.
-        rough: *FRICTION, ROUGH; None: it is not.
         behaviour: the last *SURFACE BEHAVIOR.
         stiffness: of contact, stress per length; None: it is hard.
         tied: whether both sides are bonded.
@@ -77,7 +76,6 @@ class Interaction:
     coefficient: float = 0.0
     cap: float | None = None
     sticking: float | None = None
-    rough: DeckBlock | None = None
     behaviour: DeckBlock | None = None
     stiffness: float | None = None
     tied: bool = False

@@ -21,8 +21,7 @@ from signorini_fx.addons.decks.contact import (
 )
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.mesh import NO_BODY, POINTS, read_model
-from signorini_fx.addons.decks.temperatures import read_temperatures
-from signorini_fx.addons.decks.text import DeckBlock, placed, real, real_or_none
+from signorini_fx.addons.decks.text import DeckBlock, placed, real
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import from_raw
 
@@ -136,17 +135,6 @@ def _read_heading(deck: Deck, block: DeckBlock) -> None:
     deck.title = ", ".join(block.rows[0]) if block.rows else ""
 
 
-def _read_output(deck: Deck, block: DeckBlock) -> None:
-    """A request for results; a number in its lines belongs to a keyword that is missing."""
-    rows = block.rows
-    if block.keyword.startswith("EL") and rows and all(word.isdecimal() for word in rows[0]):
-        rows = rows[1:]  # in Abaqus these are points of the sections of shells and beams
-    numbers = [word for row in rows for word in row if word and real_or_none(word) is not None]
-    if numbers and block.keyword != "SECTIONPRINT":  # which has a point and axes for the forces of a section
-        raise ValueError(f"{numbers[0]} is no result that can be written: of which keyword is this data line?")
-    deck.note(block, keywords.NOT_WRITTEN)
-
-
 def _read_element(deck: Deck, block: DeckBlock) -> None:
     """The assumption of elements of the plane, one for all; elements that are no part of the body."""
     kind = block.parameters["TYPE"].upper()
@@ -193,7 +181,6 @@ _DEFINITIONS: dict[str, Reader] = {
 _READERS: dict[str, Reader] = {
     **dict.fromkeys((*_SETS, *_DEFINITIONS, "ENDSTEP", "SYSTEM"), _read_nothing),
     **dict.fromkeys(keywords.OUTPUT, _read_nothing),
-    **dict.fromkeys(keywords.PRINTED, _read_output),
     "HEADING": _read_heading,
     "ELEMENT": _read_element,
     **dict.fromkeys(("SOLIDSECTION", "SHELLSECTION", "MEMBRANESECTION"), material.read_section),
@@ -214,6 +201,6 @@ _READERS: dict[str, Reader] = {
     "CLOAD": loads.read_forces,
     "DLOAD": loads.read_body_forces,
     "DSLOAD": loads.read_surface_loads,
-    "TEMPERATURE": read_temperatures,
-    "INITIALCONDITIONS": read_temperatures,
+    "TEMPERATURE": loads.read_temperatures,
+    "INITIALCONDITIONS": loads.read_temperatures,
 }

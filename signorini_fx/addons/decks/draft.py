@@ -13,8 +13,8 @@ from signorini_fx.addons.decks.bolts import bolt_tables
 from signorini_fx.addons.decks.contact import contact_tables, say_partners
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.deck import read_deck
+from signorini_fx.addons.decks.loads import temperature_tables
 from signorini_fx.addons.decks.material import has_rubber, is_nonlinear, material_tables, obstacle_of
-from signorini_fx.addons.decks.temperatures import temperature_tables
 from signorini_fx.addons.decks.text import DeckBlock, placed, quoted
 
 

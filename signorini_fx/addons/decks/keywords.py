@@ -8,7 +8,6 @@ from __future__ import annotations
 UNKNOWN = "not read"
 CONSTRAINT = "a constraint between nodes is not read"
 CHANGED_WITHIN = "a change within a step is not read: the first value holds"
-NOT_WRITTEN = "not written: nodes.csv and contact.csv of the result have all values"
 WITHOUT_EFFECT = "without effect in static steps"
 OTHER_PROCEDURE = "only static steps are read"
 NO_BODY_PART = "no part of the body"
@@ -52,12 +51,12 @@ NOTED = {
         *("GAP CONDUCTANCE", "GAP HEAT GENERATION", "CONTACT DAMPING", "DESIGN VARIABLES", "VIEW FACTOR", "CFLUX"),
         *("DFLUX", "FILM", "RADIATE", "EMISSIVITY"),
     ),
+    **_each(
+        "not written: nodes.csv and contact.csv of the result have all values",
+        *("NODE PRINT", "EL PRINT", "FACE PRINT", "SECTION PRINT", "CONTACT PRINT"),
+        *("NODE FILE", "EL FILE", "CONTACT FILE"),
+    ),
 }
-# Requests for the files of CalculiX.
-PRINTED = _each(
-    *(NOT_WRITTEN, "NODE PRINT", "EL PRINT", "FACE PRINT", "SECTION PRINT", "CONTACT PRINT"),
-    *("NODE FILE", "EL FILE", "CONTACT FILE"),
-)
 # Other requests for output, control of the solver, and masses, which a scene in static steps does not need.
 OUTPUT = _each(
     *("", "PREPRINT", "RESTART", "OUTPUT", "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "FIELD OUTPUT"),

@@ -1,4 +1,4 @@
-"""Supports and loads of an Abaqus input file as those of a scene, on named boundaries."""
+"""Supports, loads and temperatures of an Abaqus input file as those of a scene."""
 
 from __future__ import annotations
 
@@ -10,13 +10,24 @@ import numpy as np
 from signorini_fx.addons.decks import bolts
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
 from signorini_fx.addons.decks.groups import Group
-from signorini_fx.addons.decks.text import ROTATIONS, DeckBlock, DeckError, components, parameter, real
+from signorini_fx.addons.decks.keywords import UNKNOWN, WITHOUT_EFFECT
+from signorini_fx.addons.decks.text import (
+    ROTATIONS,
+    DeckBlock,
+    DeckError,
+    components,
+    number_of,
+    parameter,
+    quoted,
+    real,
+)
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import completed
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, nodal_measures
-from signorini_fx.tuned import NEGLIGIBLE
+from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
 
 _AXES = {1: "x", 2: "y", 3: "z"}
+_NODES_DIFFER = "temperatures that differ within a body are not read"
 _LOADS = ("CLOAD", "DLOAD", "DSLOAD")
 _BODY_FORCE = re.compile(r"GRAV|CENTRIF|B[XYZ]|P\d", re.IGNORECASE)
 
@@ -281,3 +292,62 @@ def _forget(deck: Deck, block: DeckBlock) -> None:
     for load in deck.loads.values():
         if load.block.keyword == block.keyword:
             load.values[deck.step] = None
+
+
+# --- temperatures -----------------------------------------------------------------------------------------------------
+
+# With a constant coefficient the strain is that of the change since *INITIAL CONDITIONS, whatever ZERO is.
+
+
+def read_temperatures(deck: Deck, block: DeckBlock) -> None:
+    """Temperatures of sets of nodes: *TEMPERATURE of a step, or *INITIAL CONDITIONS, TYPE=TEMPERATURE."""
+    parameters = block.parameters
+    if block.keyword == "INITIALCONDITIONS" and (kind := parameters.get("TYPE", "").upper()) != "TEMPERATURE":
+        if kind == "VELOCITY":
+            deck.note(block, WITHOUT_EFFECT)
+        else:
+            deck.lose(block, UNKNOWN)
+        return
+    if parameters.keys() & {"FILE", "BSTEP", "USER", "LINTEMP"}:
+        deck.lose(block, _NODES_DIFFER)
+        return
+    anew = parameters.get("OP", "MOD").upper() == "NEW" and deck.step not in deck.temperatures
+    temperatures = _at(deck, -1 if anew else deck.step).copy()
+    share = share_now(deck, block)
+    for name, value, *_ in block.rows:
+        deck.check_nodes(name)
+        rows = deck.rows([int(name)]) if number_of(name) is not None else deck.nodes(name)
+        if not rows.size:
+            deck.note(block, f"temperature of {name!r}: no part of the body")
+        temperatures[np.searchsorted(deck.numbers, rows)] = share * real(value)
+    deck.temperatures[deck.step] = temperatures
+    deck.heating.append(block)
+
+
+def _at(deck: Deck, step: int) -> Floats:
+    """Of the nodes of the file at the end of a step, shape (n,)."""
+    steps = [earlier for earlier in deck.temperatures if earlier <= step]
+    return deck.temperatures[max(steps)] if steps else np.zeros(len(deck.numbers))
+
+
+def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
+    """The change of the temperature of each body since the beginning, with its course over the steps."""
+    if not any(properties.get("expansion") for properties in deck.materials.values()):
+        return []  # nothing expands
+    courses: dict[str, tuple[float, ...]] = {}
+    for name, nodes in deck.bodies.items():
+        changes = [(_at(deck, step) - _at(deck, -1))[nodes] for step in range(steps)]
+        if any(np.ptp(change) > ZERO_IN_SOLUTION * np.abs(change).max(initial=0.0) for change in changes):
+            deck.lose(deck.heating[-1], _NODES_DIFFER)
+        elif any(change[0] for change in changes):
+            courses[name] = tuple(float(change[0]) for change in changes)
+    if len(courses) == len(deck.bodies) and len({*courses.values()}) == 1:
+        courses = {"": next(iter(courses.values()))}
+    tables = []
+    for name, course in courses.items():
+        largest = max(course, key=abs)
+        factors = [value / largest for value in course]
+        origins = f"# {' and '.join(dict.fromkeys(block.origin for block in deck.heating))}"
+        lines = [origins, f"change = {largest!r}", *([f"region = {quoted(name)}"] if name else [])]
+        tables.append(("[[temperature]]", lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])))
+    return tables

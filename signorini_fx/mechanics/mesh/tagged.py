@@ -287,12 +287,6 @@ def has_local_sizes(name: str, parameters: Mapping[str, Any]) -> bool:
     return bool(getattr(_generator(name, parameters), "sized", False))
 
 
-def generated_cell(name: str, parameters: Mapping[str, Any]) -> str | None:
-    """The kind of cells that the generator ``name`` makes, such as "triangle"; None if no parameter says so."""
-    accepted = inspect.signature(_generator(name, parameters)).parameters
-    return parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
-
-
 def cells_of_generator(name: str, parameters: Mapping[str, Any]) -> tuple[str, ...]:
     """The kinds of cells that the generator ``name`` can make, its own choice first; none if no parameter says so.
 
@@ -300,7 +294,8 @@ def cells_of_generator(name: str, parameters: Mapping[str, Any]) -> tuple[str, .
         SceneError: unknown generator, or wrong parameters.
     """
     generate = _generator(name, parameters)
-    own = generated_cell(name, parameters)
+    accepted = inspect.signature(generate).parameters
+    own = parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
     return () if own is None else (own, *(cell for cell in get_args(_types(generate)["cell"]) if cell != own))
 
 

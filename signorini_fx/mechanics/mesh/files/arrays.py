@@ -242,12 +242,10 @@ def _no_number(raw: RawMesh, entities: _Entities, numbers: list[Ints] | None, va
     if numbers is not None:
         known_numbers = ", ".join(map(str, entities.values(numbers))) or "none"
         return f"{name}: number {value} selects no {entities.word}; the numbers there are: {known_numbers}"
-    possible = [repr(label) for label, columns in raw.data.items() if entities.values(columns)]
-    if possible:
-        return f"{name}: set mesh.data to the cell data that is meant; there are: {', '.join(possible)}"
+    possible = ", ".join(repr(label) for label, columns in raw.data.items() if entities.values(columns)) or "none"
     return (
-        f"{name}: no {entities.word} has a number: give a condition instead, such as 'x[1] < 1e-9', or name them in "
-        "the file (in gmsh: physical groups)"
+        f"{name}: it is not known which numbers are meant: set mesh.data to one of the cell data ({possible}), give a "
+        "condition, such as 'x[1] < 1e-9', or name them in the file (in gmsh: physical groups)"
     )
 
 

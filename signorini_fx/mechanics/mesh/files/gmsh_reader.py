@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 import tempfile
 from collections.abc import Callable, Iterator
@@ -21,10 +20,11 @@ from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
-_HEADERS = {
-    "msh": ("no mesh of gmsh", (b"$MeshFormat", b"$Comments")),
-    "step": ("no STEP file", (b"ISO-10303-21",)),
-    "brep": ("no BREP file of OpenCASCADE", (b"DBRep_DrawableShape", b"CASCADE Topology")),
+# How files begin that gmsh does not take for scripts.
+_BEGINNINGS = {
+    "msh": (b"$MeshFormat", b"$Comments"),
+    "step": (b"ISO-10303-21",),
+    "brep": (b"DBRep_DrawableShape", b"CASCADE Topology"),
 }
 # The last lines of drawings.
 _LAST = {"step": re.compile(rb"END-ISO-10303-21\s*;\s*$"), "brep": re.compile(rb"\n[+-]\d+ \d+\s*$")}
@@ -45,7 +45,6 @@ _FORBIDDEN = re.compile(
 # These read another file, whose name follows.
 _READS = re.compile(r"\b(?:Include|Merge|MergeFile|Open|ListFromFile|ShapeFromFile|FileName)\b")
 _NAMED = re.compile(r"\s*[\[(=]?\s*[\"']([^\"'\n]*)[\"']")
-_NO_SCRIPTS = (b"$MeshFormat", b"$Comments", b"ISO-10303-21", b"DBRep_DrawableShape", b"\nCASCADE Topology")
 
 
 @contextlib.contextmanager
@@ -58,14 +57,10 @@ def gmsh_session() -> Iterator[Any]:
     """
     try:
         import gmsh
-    except ImportError:
+    except (ImportError, OSError) as error:
         raise InstallationError(
-            "this mesh is made by gmsh, which is not installed: pip install gmsh, or apt install python3-gmsh"
-        ) from None
-    except OSError as error:
-        raise InstallationError(
-            f"this mesh is made by gmsh, which cannot be loaded: {error}; its wheel needs libraries of the system, on "
-            "Debian and Ubuntu: apt install libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1"
+            f"this mesh is made by gmsh, which cannot be loaded: {error}: pip install gmsh, or apt install "
+            "python3-gmsh; its wheel needs libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1"
         ) from None
     if gmsh.isInitialized():
         raise MeshError("gmsh is open in this process: call gmsh.finalize() before a mesh is made or read by it here")
@@ -175,14 +170,10 @@ def _check_ends(file: Path, form: str) -> None:
     """Refuse a file without the header of its format, which gmsh would take for a script, and a drawing that is cut
     off, whose end OpenCASCADE may wait for without end.
     """
-    with file.open("rb") as stream:
-        start = stream.read(256)
-        stream.seek(max(stream.seek(0, os.SEEK_END) - 200, 0))
-        end = stream.read()
-    format_name, beginnings = _HEADERS[form]
-    if not any(word in start for word in beginnings) if form == "brep" else not start.lstrip().startswith(beginnings):
-        raise MeshError(f"{file}: is {format_name}: it does not begin with {beginnings[0].decode()}")
-    if form in _LAST and not _LAST[form].search(end):
+    if not _begins_as(file, form):
+        first = _BEGINNINGS[form][0].decode()
+        raise MeshError(f"{file}: is no file of the format {form}: it does not begin with {first}")
+    if form in _LAST and not _LAST[form].search(file.read_bytes()[-200:]):
         raise MeshError(f"{file}: gmsh cannot read it: it ends before its last line")
 
 
@@ -209,7 +200,7 @@ def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozens
         if argument is None or Path(argument[1]).name != argument[1]:
             raise _refused(where, text, word.start(), "may read a file outside the folder of the script")
         other = file.with_name(argument[1])
-        if other.is_file() and other not in checked and not _has_header(other):
+        if other.is_file() and other not in checked and not _begins_as(other, *_BEGINNINGS):
             _check_script(other, name or str(file), checked | {file, other})
 
 
@@ -222,11 +213,11 @@ def _refused(where: str, text: str, start: int, reason: str) -> MeshError:
     )
 
 
-def _has_header(file: Path) -> bool:
-    """Whether a file is a mesh or a drawing, which gmsh does not take for a script."""
+def _begins_as(file: Path, *forms: str) -> bool:
+    """Whether a file begins as those of some formats do."""
     with file.open("rb") as stream:
-        start = stream.read(256)
-    return any(word in start for word in _NO_SCRIPTS)
+        start = stream.read(256).lstrip()
+    return start.startswith(tuple(word for form in forms for word in _BEGINNINGS[form]))
 
 
 def _run(gmsh: Any, file: Path) -> None:
