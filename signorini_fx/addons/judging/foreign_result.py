@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.addons.judging.judged_problem import JudgedProblem
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import plain
+from signorini_fx.mechanics.mesh.files.raw import Numbering
 from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
 from signorini_fx.tuned import DIGITS_OF_FILES, JUDGED_SAME_PLACE
 
@@ -118,12 +119,12 @@ class Printed:
 def _rows_of(file: Path, table: Printed, problem: JudgedProblem) -> tuple[Ints, npt.NDArray[np.bool_]]:
     """The row of the table with the number of each node, and which nodes have one."""
     assert table.numbers is not None
-    order = np.argsort(table.numbers, kind="stable")
-    again = np.flatnonzero(np.diff(table.numbers[order]) == 0)
-    if (table.displacement[order[again]] != table.displacement[order[again + 1]]).any():
+    numbering = Numbering(table.numbers)
+    again = numbering.again
+    if (table.displacement[again] != table.displacement[numbering.rows(table.numbers[again])]).any():
         raise MeshError(f"{file}: a node is there several times, with different displacements")
-    rows = order[np.minimum(np.searchsorted(table.numbers[order], problem.names), len(order) - 1)]
-    held = table.numbers[rows] == problem.names
+    rows = numbering.rows(problem.names)
+    held = rows >= 0
     if table.points is not None:
         dim = min(problem.arrays.dim, table.points.shape[1])
         away = np.linalg.norm(table.points[rows, :dim] - problem.points[:, :dim], axis=1)
