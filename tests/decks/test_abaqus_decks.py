@@ -177,8 +177,8 @@ def test_forces_at_nodes(tmp_path, capsys):
     """Those of a uniform traction are one, others are given one by one."""
     weights = [0.5, *[1.0] * (NX - 1), 0.5]
     forces = [f"{n}, 2, {-3.0 * weight * LENGTH / NX}" for n, weight in zip(TOP, weights, strict=True)]
-    forces += [f"{n}, 2, {0.5 if n in CORNERS else 1.0}" for n in NODES[: NX + 1]]
-    steps = ["*STEP", "*STATIC", "*CLOAD", *forces, "WALL, 1, 1.0", "3, 3, 5.0", "3, 4, 1.0"]
+    forces += ["*CLOAD", *(f"{n}, 2, {0.5 if n in CORNERS else 1.0}" for n in NODES[: NX + 1])]
+    steps = ["*STEP", "*STATIC", "*CLOAD", *forces, "*CLOAD", "WALL, 1, 1.0", "3, 3, 5.0", "3, 4, 1.0"]
     steps += ["*CLOAD", "13, 2, 2.0", "*END STEP"]
     lines = [*block("CPS4")[:-1], "0.5", *MATERIAL, *steps]
     _, data, said = drafted(tmp_path, lines, capsys)

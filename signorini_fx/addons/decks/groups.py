@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,7 +35,7 @@ class Group:
 
 
 def given_alike(
-    block: DeckBlock, nodes_of: Callable[[str], Ints], elements_of: Callable[[str], Ints], *, apart: bool
+    block: DeckBlock, nodes_of: Callable[[str], Ints], elements_of: Callable[[str], Ints]
 ) -> list[tuple[Words, dict[Any, float]]]:
     """The single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD, by what they are given.
 
@@ -43,8 +43,6 @@ def given_alike(
         block: the keyword.
         nodes_of: the nodes of a set, or the one with a number.
         elements_of: likewise the elements.
-        apart: whether forces that pull are told from those that push; not so where both belong to one face, because
-            its elements have no nodes in the middle of faces.
     """
     groups: dict[Words, dict[Any, float]] = {}
     pressures: dict[Any, float] = {}  # of a face that is given several, their sum
@@ -56,7 +54,7 @@ def given_alike(
                         groups.setdefault((str(component), "", repr(value)), {})[number] = value
             case "CLOAD":
                 value = real((*words, "0")[1])
-                forces = groups.setdefault((words[0], "-" if value < 0 and apart else ""), {})
+                forces = groups.setdefault((words[0], ""), {})
                 for node in plain(nodes_of(target)):
                     forces[node] = forces.get(node, 0.0) + value
             case "DLOAD" if words and re.fullmatch(r"P\d", words[0].upper()):
@@ -67,29 +65,6 @@ def given_alike(
     for face, value in pressures.items():
         groups.setdefault(("P", repr(value)), {})[face] = value
     return list(groups.items())
-
-
-def pieces(nodes: Ints, tables: Iterable[Ints]) -> list[list[int]]:
-    """Nodes in groups that no element joins: forces on several bodies, or on several sides of one, are several loads.
-
-    Args:
-        nodes: their numbers, each once, shape (n,).
-        tables: nodes of each element, shape (m, k).
-    """
-    order = np.argsort(nodes)
-    entries: list[tuple[Ints, Ints]] = []
-    count = len(nodes)
-    for table in tables:
-        at = np.minimum(np.searchsorted(nodes[order], table), len(nodes) - 1)
-        element, corner = np.nonzero(nodes[order][at] == table)
-        entries.append((order[at[element, corner]], count + element))
-        count += len(table)
-    rows, columns = (np.concatenate(ends) for ends in zip(*entries, strict=True))
-    labels = _components(rows, columns, count)[: len(nodes)]
-    groups_found: dict[int, list[int]] = {}
-    for label, node in zip(plain(labels), plain(nodes), strict=True):
-        groups_found.setdefault(label, []).append(node)
-    return list(groups_found.values())
 
 
 def bodies(

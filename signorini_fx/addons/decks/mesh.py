@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.assembly import assembled
-from signorini_fx.addons.decks.groups import Group, bodies, given_alike, pieces
+from signorini_fx.addons.decks.groups import Group, bodies, given_alike
 from signorini_fx.addons.decks.text import (
     DeckBlock,
     DeckError,
@@ -154,10 +154,8 @@ class _Reader:
             case "SURFACE":
                 self._read_surface(block)
             case "BOUNDARY" | "CLOAD" | "DLOAD":
-                # Faces of elements without nodes in their middle share the forces at their nodes in another way.
-                apart = not any(kind in ("quad8", "hexahedron20") for _, kind, _ in self.element_parts)
                 sets = (partial(self._member, of) for of in (self.node_sets, self.element_sets))
-                self.nodal_values += [(block, *group) for group in given_alike(block, *sets, apart=apart)]
+                self.nodal_values += [(block, *group) for group in given_alike(block, *sets)]
             case "SYSTEM" if block.rows:
                 raise ValueError("coordinates are expected along x, y and z")
             case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
@@ -313,20 +311,15 @@ class _Reader:
         }
         groups: dict[int, list[Group]] = {}
         for block, words, nodal_values in self.nodal_values:
-            parts: Iterable[list[Any]] = [list(nodal_values)]
-            if block.keyword == "CLOAD" and len(nodal_values) > 1:
-                parts = pieces(np.array(list(nodal_values)), [nodes for _, nodes in self.elements.parts])
-            for part in parts:
-                key = frozenset(part)
-                if (name := set_names.get(key)) is None:
-                    name = set_names[key] = next(names[_LABELS[block.keyword]])
-                    if block.keyword == "DLOAD":
-                        self.surfaces[name] = list(part)
-                    elif len(part) > 1:  # one node is no boundary
-                        self.node_sets[name] = np.array(part, dtype=np.int64)
-                nodes = () if block.keyword == "DLOAD" else tuple(part)
-                values = tuple(nodal_values[member] for member in part)
-                groups.setdefault(block.number, []).append(Group(name, words, nodes, values))
+            key = frozenset(nodal_values)
+            if (name := set_names.get(key)) is None:
+                name = set_names[key] = next(names[_LABELS[block.keyword]])
+                if block.keyword == "DLOAD":
+                    self.surfaces[name] = list(nodal_values)
+                elif len(key) > 1:  # one node is no boundary
+                    self.node_sets[name] = np.array(list(nodal_values), dtype=np.int64)
+            nodes = () if block.keyword == "DLOAD" else tuple(nodal_values)
+            groups.setdefault(block.number, []).append(Group(name, words, nodes, tuple(nodal_values.values())))
         return groups
 
     def _table(self, number: int) -> Ints:

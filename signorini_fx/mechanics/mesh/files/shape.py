@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import basix
 import numpy as np
 import numpy.typing as npt
@@ -30,19 +28,13 @@ def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
         nodes: of each element in the order of its kind, shape (m, k).
         cell: the kind, of d dimensions or of one less.
     """
-    sizes = [np.empty(0), *(size @ weights for size, weights, _ in _sizes(points, nodes, cell))]
-    return np.concatenate(sizes)
+    return np.asarray(nodal_measures(points, nodes, cell).sum(axis=1))
 
 
 def nodal_measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
     """The integral of each shape function over each element, which is the share of its node, shape (m, k)."""
-    shares = [size @ (weights[:, None] * cell.shape(x)) for size, weights, x in _sizes(points, nodes, cell)]
-    return np.concatenate([np.empty((0, len(cell.nodes))), *shares])
-
-
-def _sizes(points: Floats, nodes: Ints, cell: Cell) -> Iterator[tuple[Floats, Floats, Floats]]:
-    """Of some elements after others the measure at each place of a quadrature, with its weights and places."""
     x, weights = basix.make_quadrature(cell.basix_type, _DEGREE)
+    shares = [np.empty((0, len(cell.nodes)))]
     for start in range(0, len(nodes), _CHUNK):
         jacobian = _jacobian(points, nodes[start : start + _CHUNK], cell, x)
         if cell.dim == points.shape[1]:
@@ -50,7 +42,8 @@ def _sizes(points: Floats, nodes: Ints, cell: Cell) -> Iterator[tuple[Floats, Fl
         else:
             gram = np.einsum("mqdi,mqdj->mqij", jacobian, jacobian)
             size = np.sqrt(np.maximum(np.linalg.det(gram), 0.0))
-        yield size, weights, x
+        shares.append(size @ (weights[:, None] * cell.shape(x)))
+    return np.concatenate(shares)
 
 
 def _jacobian(points: Floats, nodes: Ints, cell: Cell, x: Floats) -> Floats:
