@@ -66,7 +66,8 @@ def judged(solution, displacement=None, statement=None, **changes):
     for name, change in changes.items():
         tractions = replace(tractions, **{name: change(getattr(tractions, name).copy())})
     tagged = solution.model.tagged
-    return certify(statement or solution.statement, tagged, moved, tractions, law=solution.certificate.law)
+    of = {"law": solution.certificate.law, "pairs": solution.model.pairs}
+    return certify(statement or solution.statement, tagged, moved, tractions, **of)
 
 
 def refused(certificate, *figures):

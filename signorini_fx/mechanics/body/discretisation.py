@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -46,9 +46,6 @@ from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, LARGEST_NUMBER, SAME_NUMBER
-
-if TYPE_CHECKING:
-    pass
 
 M = TypeVar("M", bound=Model)
 
