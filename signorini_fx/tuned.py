@@ -543,8 +543,8 @@ MOST_PLACES = 400
 INRADIUS_GRID = 9
 # Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
 SHAPE_MIDDLE = 0.9
-# Strains at which a material is tried before it is used.  Choice: none, small, and those of rubber.
-TRIED_STRAINS = (0.0, 1e-3, 0.02, 0.2)
+# Strain at which a material is tried before it is used.  Choice: one of rubber.
+TRIED_STRAIN = 0.2
 
 # --- judge: thresholds for results of other programs -----------------------------------------------------------------
 

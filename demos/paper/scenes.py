@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx import Box, Coulomb, Scene, TaggedMesh, Tresca, generate_mesh, tag_boundaries
+from signorini_fx import Coulomb, Scene, TaggedMesh, Tresca, generate_mesh, tag_boundaries
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_SELF
 GRID = (120, 40)
 # Where tau_N y = d is forced at the start: the standard one of section 7.1, and the non-symmetric one of Table 3.
-STARTS = {"symmetric": Box(x=(1.25, 1.75)), "nonsymmetric": Box(x=(0.0, 0.5))}
+STARTS = {"symmetric": "1.25 <= x[0] <= 1.75", "nonsymmetric": "x[0] <= 0.5"}
 GAP1 = "0.003*(x[0] - 1.5)**2 + 0.001"
 GAP2 = f"max(0.0015, {GAP1})"
 

@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.elasticity import LoadCase
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import shared_in
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.expressions import in_space, sample
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
@@ -66,6 +70,24 @@ class Model(ElasticBody):
     def applied_at(self, step: float) -> list[tuple[float, AppliedLoad]]:
         """The applied loads at a place with their factors; collective."""
         return [(load.factor(step), load.at(step)) for load in self.applied]
+
+    def first_sets(self) -> tuple[ActiveSets, int]:
+        """The sets of the first linear solve and its number, section 7: 0 if it only computes the start; collective.
+
+        Raises:
+            SceneError: the settings leave no contact node in them.
+        """
+        assert self.boundary is not None
+        region, full_contact = (
+            self.settings.initial_contact,
+            ActiveSets.all_in_contact(*self.boundary.tangents.shape[::2]),
+        )
+        if isinstance(region, str):
+            return full_contact, 0
+        inside = sample(region, in_space(self.boundary.x)) > 0
+        if not parallel.any_rank(self.comm, bool(inside.any())):
+            raise SceneError([("solver.initial_contact", "holds no contact node")])
+        return ActiveSets.of(inside, full_contact.direction), 1
 
     @shared_in("of_body")
     def cases(self) -> tuple[LoadCase, ...]:

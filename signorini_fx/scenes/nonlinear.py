@@ -36,7 +36,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.mechanics.statement.expressions import sample
-from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, Prescribed
+from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.certificate.supports import PrescribedNodes
@@ -334,8 +334,7 @@ def _refuse_turning(statement: Statement, dimension: int) -> None:
         if (shape := contact.tool) is None or not shape.drives:
             continue
         held = {name: 0.0 for name, zero in zip(COMPONENTS[dimension], turns, strict=True) if zero}
-        given = {} if shape.prescribed is None else {key: value for key, value in shape.prescribed if value is not None}
-        if wrong := not_driven(shape.model_copy(update={"prescribed": Prescribed(**(held | given))}), dimension):
+        if wrong := not_driven(shape.model_copy(update={"prescribed": held | (shape.prescribed or {})}), dimension):
             raise SceneError([(f"contact[{number}].foundation.{wrong[0]}", wrong[1])])
 
 
@@ -347,7 +346,7 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
     drives = statement.drives(dimension, path_step)
     for body, (load, motion) in zip(statement.rigid_bodies, drives, strict=True):
         named = zip(COMPONENTS[dimension], motion.tolist(), strict=True)
-        held = Prescribed(**{name: value for name, value in named if not np.isnan(value)})
+        held = {name: value for name, value in named if not np.isnan(value)}
         for part in body.parts:
             shape = statement.contact[part].tool
             force, moment = load[:dimension].tolist(), load[dimension:].tolist()

@@ -31,7 +31,7 @@ from signorini_fx.mechanics.statement.mesh_sources import (
     TaggedMeshBase,
     one_mesh,
 )
-from signorini_fx.mechanics.statement.rigid_motion import Prescribed, RigidMotion, rigid_bodies
+from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, rigid_bodies
 from signorini_fx.mechanics.statement.rigid_shape import OneShape, Shape, read_shape
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, TitleBlock, Units
 from signorini_fx.mechanics.statement.statement import Statement
@@ -71,7 +71,7 @@ class Rigid(RigidMotion):
     @property
     def driving(self) -> dict[str, Any]:
         """What drives it, as keys of a shape; without any of these it is free, and contacts alone move it."""
-        free = {} if self.drives else {"prescribed": Prescribed()}
+        free = {} if self.drives else {"prescribed": {}}
         values = {key: getattr(self, key) for key in ("pivot", *RigidMotion.model_fields)}
         return {key: value for key, value in values.items() if value is not None} | free
 

@@ -21,7 +21,6 @@ from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.body.discretisation import discretise, moved_since, placed
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.contact_points.first_sets import first_sets
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import shape_at_points
@@ -213,7 +212,7 @@ def contact_task(
     )
     start = replace(task.start, factors=factors)
     if model.boundary is not None:
-        sets, iteration = first_sets(model.statement, model.boundary)
+        sets, iteration = model.first_sets()
         start = replace(start, sets=sets, iteration=iteration)
     return replace(task, start=start)
 

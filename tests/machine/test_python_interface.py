@@ -110,8 +110,8 @@ WRONG = {
     "negative": (lambda: sfx.Coulomb(-0.1), "Coulomb: coefficient: must not be negative, got -0.1"),
     "displacement": (lambda: sfx.PrescribedDisplacement(boundary="left", x=function()), "x: dolfinx's Function cannot"),
     "array": (lambda: sfx.SurfaceTraction(boundary="top", y=np.ones(2)), "y: must be a number, not numpy's ndarray"),
-    "mesh": (lambda: scene(mesh=DOLFINX_MESH), "mesh: .* tag_boundaries(mesh"),
-    "file": (lambda: scene(mesh="body.msh"), "MeshFile(file='body.msh')"),
+    "mesh": (lambda: scene(mesh=DOLFINX_MESH), "mesh: .* see tag_boundaries"),
+    "file": (lambda: scene(mesh="body.msh"), "mesh: a table with file or generator"),
     "key": (lambda: sfx.SurfaceTraction(boundary="top", yy=3.0), "yy: unknown key"),
     "kind": (lambda: scene(contact=sfx.SurfaceTraction(boundary="top")), "contact: must be a table"),
 }

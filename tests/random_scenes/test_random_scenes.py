@@ -48,7 +48,7 @@ solvers = tables(
         "gamma_n": numbers(1e4, 1e8, "auto"),
         "gamma_t": numbers(1e4, 1e8, "auto"),
         "sigma": numbers(1.0, "auto"),
-        "initial_contact": st.sampled_from(("all", {"x": [1.0, 2.0]}, "x[0] < 1", "x[0] < -1")),
+        "initial_contact": st.sampled_from(("all", "1 <= x[0] <= 2", "x[0] < 1", "x[0] < -1")),
         "inner_iterations": st.sampled_from((1, "auto")),
         "linear_algebra": st.sampled_from(("auto", "full", "krylov", "condensed")),
         "levels": st.sampled_from((1, 2)),

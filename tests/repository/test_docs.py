@@ -53,7 +53,6 @@ from signorini_fx.mechanics.materials.path_dependent import J2, Maxwell
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps
-from signorini_fx.mechanics.statement.rigid_motion import PivotSprings, Prescribed
 from signorini_fx.records import JUDGED, REPORTED, Status
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, scene
@@ -483,11 +482,9 @@ MODELS = {
     ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
     ("`[[contact]]`", "key of `overclosure`"): [Overclosure],
     ("Rigid bodies", "key of `rigid`"): [Rigid],
-    ("Rigid bodies", "key of `prescribed`, `spring`"): [Prescribed, PivotSprings],
     ("Two bodies", "key of `body`"): [scene.Body],
     ("`[load_steps]`", "key"): [LoadSteps],
     ("`[solver]`", "key"): [settings.SolverSettings],
-    ("`[solver]`", "key of a box"): [settings.Box],
     ("`[accuracy]`", "key"): [settings.Accuracy],
     ("`[units]`", "key"): [settings.Units],
     ("`[title_block]`", "key"): [settings.TitleBlock],

@@ -31,6 +31,7 @@ MEANINGS = {
     "sin(x[0]) - cos(x[1])": np.sin(x0) - np.cos(x1),
     "tan(x[0]) * tanh(x[1])": np.tan(x0) * np.tanh(x1),
     "abs(abs(x[0]))": np.abs(x0),
+    "2**x[0] + (4 + x[0])**x[1]": 2**x0 + (4 + x0) ** x1,
     "1 if pi < 2*pi else 2": np.ones(5),
     "x[0] < x[1]": np.where(x0 < x1, 1.0, 0.0),
 }
@@ -92,9 +93,6 @@ def test_numpy_and_compiled_ufl_agree():
         "x[0] = 1",
         "f'{1}'",
         "1e999",
-        "2**x[0]",
-        "2**101",
-        "9**9**9",
         "x[0] == 1",
         "x[0] % 2",
         "x[0] @ x[1]",
@@ -127,7 +125,7 @@ def test_refused(text):
 
 def test_refusal_says_what_is_allowed():
     """The message names the mistake and the functions there are."""
-    with pytest.raises(ValueError, match=r"'sinh' is not known.*Allowed are .*x\[0\].*tanh"):
+    with pytest.raises(ValueError, match=r"'sinh' of 1 arguments is not available.*Allowed are .*x\[0\].*tanh"):
         Expression("sinh(x[0])")
 
 

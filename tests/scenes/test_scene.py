@@ -21,7 +21,7 @@ GOOD = {
     "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "right", "x": "0.1*x[1]"}],
     "traction": [{"boundary": "top", "y": "-20 if 1 <= x[0] <= 2 else 0"}],
     "contact": [{"boundary": "bottom", "gap": 0.001, "friction": {"law": "tresca", "bound": 1.5}}],
-    "solver": {"gamma_n": 1e8, "initial_contact": {"x": [1.25, 1.75]}},
+    "solver": {"gamma_n": 1e8, "initial_contact": "1.25 <= x[0] <= 1.75"},
 }
 NOTHING = object()
 
@@ -57,7 +57,7 @@ def test_good_scene():
     assert scene.displacement[0].x == 0.0
     assert scene.displacement[0].y is None
     assert scene.displacement[1].x == Expression("0.1*x[1]")
-    assert scene.solver.initial_contact.x == (1.25, 1.75)
+    assert scene.solver.initial_contact.text == "1.25 <= x[0] <= 1.75"
     assert scene.solver.gamma_t == "auto"
 
 
@@ -123,7 +123,7 @@ def test_one_table_instead_of_a_list():
         ("traction.0.y", "x[0]^2", "traction[0].y", "a power is written **"),
         ("traction.0.y", "__import__('os')", "traction[0].y", "__import__"),
         ("traction.0.y", "open('/etc/passwd')", "traction[0].y", "open"),
-        ("traction.0.y", "x.__class__", "traction[0].y", "'.__class__' is not known"),
+        ("traction.0.y", "x.__class__", "traction[0].y", "'x.__class__' is not available"),
         ("body_force", {"y": "import os"}, "body_force.y", "syntax error"),
         ("contact.0.gap", math.nan, "contact[0].gap", "finite"),
         ("contact.0.gap", 10**400, "contact[0].gap", "finite"),
@@ -134,7 +134,6 @@ def test_one_table_instead_of_a_list():
         ("contact.0.friction", {"law": "stick"}, "contact[0].friction.law", "'none', 'tresca', 'coulomb'"),
         ("contact.0.friction", 0.3, "contact[0].friction", 'must be a table, such as { law = "coulomb"'),
         ("contact", 3, "contact", "must be a list"),
-        ("solver.initial_contact", {"x": [1, 2, 3]}, "solver.initial_contact.x", "must have at most 2 entries, got 3"),
         ("traction.0.factors", [], "traction[0].factors", "must have at least 1 entry, got 0"),
         ("contact", [3], "contact[0]", "must be a table"),
         ("contact.0.friction", {}, "contact[0].friction.law", "is missing"),
@@ -152,9 +151,7 @@ def test_one_table_instead_of_a_list():
         ("solver.algorithm", "bisection", "solver.algorithm", "'ssn'"),
         ("solver.max_iterations", 0, "solver.max_iterations", "greater than 0"),
         ("solver.initial_contact", "somewhere", "solver.initial_contact", "'somewhere'"),
-        ("solver.initial_contact", {"x": [1]}, "solver.initial_contact.x[1]", "is missing"),
-        ("solver.initial_contact", {"x": [math.nan, 2]}, "solver.initial_contact.x", "low, high"),
-        ("solver.initial_contact", {"w": [0, 1]}, "solver.initial_contact.w", "unknown key"),
+        ("solver.initial_contact", {"w": [0, 1]}, "solver.initial_contact", "not dict"),
     ],
 )
 def test_one_mistake(path, value, expected, message):
@@ -262,7 +259,6 @@ PATHS = st.sampled_from(
         "contact.0.friction",
         "contact.0.friction.bound",
         "solver.initial_contact",
-        "solver.initial_contact.x",
         "solver.gamma_n",
     ]
 )

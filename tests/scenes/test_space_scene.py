@@ -40,11 +40,11 @@ IN_THE_PLANE = [
     ({"traction": {"boundary": "top", "z": 1.0}}, "traction[0].z", "nothing along x[2]"),
     ({"body_force": {"z": 0.0}}, "body_force.z", "nothing along x[2]"),
     ({"displacement": {"boundary": "left", "z": 0.0}}, "displacement[0].z", "nothing along x[2]"),
-    ({"solver": {"initial_contact": {"z": [0.0, 1.0]}}}, "solver.initial_contact.z", "nothing along x[2]"),
+    ({"solver": {"initial_contact": "x[2] < 1"}}, "solver.initial_contact", "no x[2]"),
     ({"contact": {**FOOT, "gap": "0.1 * x[2]"}}, "contact[0].gap", "no x[2]"),
     ({"contact": {**FOOT, "friction": friction_of(bound="1 + x[2]")}}, "contact[0].friction.bound", "no x[2]"),
     ({"contact": {**FOOT, "direction": [0.0, 0.0, -1.0]}}, "contact[0].direction", "2 numbers, not 3"),
-    ({"displacement": {**FOOT, "x": 0.0, "y": 0.0}}, "scene", "in contact"),
+    ({"displacement": {**FOOT, "x": 0.0, "y": 0.0}}, "displacement[0]", "prescribes the normal displacement"),
 ]
 CASES = [*((SPACE, *case) for case in IN_SPACE), *((PLANE, *case) for case in IN_THE_PLANE)]
 

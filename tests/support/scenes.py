@@ -13,7 +13,7 @@ from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
-PATCH = {"x": [1.25, 1.75]}
+PATCH = "1.25 <= x[0] <= 1.75"
 
 
 def example1(

@@ -147,4 +147,4 @@ def _changed(statement: Statement, value: Any, way: list[str | int], change: flo
     changed = _changed(statement, inner, inner_way, change, dimension)
     if isinstance(key, int):
         return (*value[:key], changed, *value[key + 1 :])
-    return value.model_copy(update={key: changed})
+    return {**value, key: changed} if isinstance(value, Mapping) else value.model_copy(update={key: changed})

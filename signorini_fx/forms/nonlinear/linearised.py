@@ -125,7 +125,7 @@ class MovingFoundations(Foundations):
 
     def measured(self, shape: Any) -> bool:
         """Along the axis of a body of revolution alone, as forces around it cancel."""
-        return bool(getattr(shape.prescribed, "x", None) == 0.0)
+        return bool(shape.prescribes("x") == 0.0)
 
     def _paired(
         self,

@@ -254,7 +254,7 @@ def not_driven(shape: Shape, dimension: int, *, turns: bool = True) -> tuple[str
     In 3D components of rotation vectors add up about one axis alone.
     """
     rotations = COMPONENTS[dimension][dimension:]
-    values = {key: getattr(shape.prescribed, key, None) for key in rotations}
+    values = {key: shape.prescribes(key) for key in rotations}
     cure = ", ".join(f"{key} = 0" for key in rotations)
     if not shape.drives:
         return None

@@ -11,7 +11,6 @@ has scenes with friction = { law = "saturating", coefficient = 0.3, largest = 2.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Tag, TypeAdapter, WrapValidator, model_validator
@@ -175,18 +174,6 @@ class Contact(Effect):
         """Whether its gap depends on the time."""
         return bool(getattr(self.gap, "timed", False))
 
-    @cached_property
-    def timed(self) -> bool:
-        """Whether its foundation, its gap or its friction depends on the time."""
-        return self.moves or self.gap_timed or self.friction.timed
-
-    def at_time(self, time: float) -> Self:
-        if not self.timed:
-            return self
-        foundation = self.foundation.at_time(time) if self.moves else self.foundation
-        gap = self.gap.at(time) if self.gap_timed else self.gap
-        return self.model_copy(update={"foundation": foundation, "gap": gap, "friction": self.friction.at_time(time)})
-
     @property
     def coulomb(self) -> bool:
         """Whether its friction bound depends on the contact pressure."""
@@ -270,14 +257,14 @@ class BilateralContact(Contact):
 def _not_with_tools(statement: Any, number: int) -> Contradictions:
     """Why a foundation whose motion is an unknown does not go together with other entries."""
     driven = statement.contact[number].tool
-    prescribed, spring = driven.prescribed, driven.spring
+    spring = driven.spring or {}
     if misfit := driven_twice([contact.tool for contact in statement.contact], number):
         yield ("contact", number, "foundation", "rigid"), misfit
     for wrong, name in (
         (driven.force is not None and driven.force[0] != 0.0, "force"),
         (driven.moment is not None, "moment"),
-        (prescribed is not None and (prescribed.x, prescribed.rotation) != (None, None), "prescribed"),
-        (spring is not None and bool(spring.x or spring.rotation), "spring"),
+        ((driven.prescribes("x"), driven.prescribes("rotation")) != (None, None), "prescribed"),
+        (bool(spring.get("x") or spring.get("rotation")), "spring"),
     ):
         if wrong and (reason := statement.kinematics.refuses.get("motion of a tool")):
             yield ("contact", number, "foundation", name), reason

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Self
 
-import numpy as np
 from pydantic import PrivateAttr, model_validator
 
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Load
-from signorini_fx.mechanics.statement.expressions import sample
+from signorini_fx.mechanics.statement.expressions import number
 from signorini_fx.mechanics.statement.rigid_motion import Timed
 from signorini_fx.mechanics.statement.values import Count, Direction, Vector
 
@@ -105,7 +104,7 @@ class Preload(Load):
         """What is given, at a place in the lists of factors."""
         factor, current = statement.now(self, step)
         (value,) = current.given.values()
-        return float(factor * sample(value, np.zeros((3, 1)))[0])
+        return factor * number(value)
 
     def tightened(self, step: float, shortening: float) -> Self:
         """The same with the shortening that its force has led to at a place."""

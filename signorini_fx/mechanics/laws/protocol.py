@@ -148,7 +148,7 @@ class FrictionLaw(Table):
 
     def at_time(self, time: float) -> Self:
         """With the values of its parameters at a time."""
-        return self.with_values(lambda _, value: value.at(time) if getattr(value, "timed", False) else value)
+        return self.with_values(lambda _, value: value.at_time(time) if getattr(value, "timed", False) else value)
 
     @property
     def directed(self) -> bool:

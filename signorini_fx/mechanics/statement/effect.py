@@ -171,17 +171,15 @@ class Effect(Table):
 
     @cached_property
     def timed(self) -> bool:
-        """Whether it depends on the time t in an expression."""
-        return any(getattr(value, "timed", False) for value in self.given.values())
+        """Whether one of its values depends on the time t: an expression, a shape or a friction law."""
+        return any(getattr(value, "timed", False) for _, value in self)
 
     def at_time(self, time: float) -> Self:
-        """The same with the values of its expressions at a time; itself if none depends on it."""
+        """The same with its values at a time; itself if none depends on it."""
         if not self.timed:
             return self
-        fields = {key: getattr(self, key) for key in type(self).model_fields}
-        return self.model_copy(
-            update={key: value.at(time) for key, value in fields.items() if getattr(value, "timed", False)}
-        )
+        moved = {key: value.at_time(time) for key, value in self if getattr(value, "timed", False)}
+        return self.model_copy(update=moved)
 
     @property
     def interface(self) -> str:

@@ -11,6 +11,7 @@ import ast
 import copy
 import math
 import operator
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
@@ -32,11 +33,10 @@ _ARITHMETIC: dict[type, Callable[..., Any]] = {
 }
 _SIGNS: dict[type, Callable[..., Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
 _ALLOWED = (
-    "Allowed are numbers, pi, x[0], x[1], in 3D x[2], + - * / ** (to a number), < <= > >=, and, or, not, "
+    "Allowed are numbers, pi, x[0], x[1], in 3D x[2], + - * / **, < <= > >=, and, or, not, "
     f"A if C else B, where(C, A, B), min(A, ...), max(A, ...), and {', '.join(_ONE_ARGUMENT)} of one number; in loads "
     "and prescribed displacements also the time t"
 )
-_MAX_EXPONENT = 100
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,8 @@ class _Evaluator:
         """
         algebra = self._algebra
         match node:
-            case ast.Constant(value=number):
-                if type(number) not in (int, float):
-                    raise ValueError(f"only numbers are allowed, not {number!r}")
-                if not math.isfinite(_float(number)):
+            case ast.Constant(value=number) if type(number) in (int, float):
+                if abs(number) > sys.float_info.max:
                     raise ValueError("a number is too large")
                 return algebra.number(number)
             case ast.Name(id="pi"):
@@ -130,11 +128,7 @@ class _Evaluator:
             case ast.BinOp(op=ast.BitXor()):
                 raise ValueError("a power is written **, not ^")
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
-                if isinstance(op, ast.Pow):
-                    _check_exponent(right)
                 return _ARITHMETIC[type(op)](*self._numbers(left, right))
-            case ast.UnaryOp(op=op) | ast.BinOp(op=op):
-                raise ValueError(f"operator {type(op).__name__} is not available")
             case ast.BoolOp(op=op, values=values):
                 return reduce(algebra.both if isinstance(op, ast.And) else algebra.either, self._conditions(*values))
             case ast.Compare(left=left, ops=ops, comparators=comparators):
@@ -144,14 +138,7 @@ class _Evaluator:
                 return algebra.functions["where"](*self._conditions(test), *self._numbers(body, orelse))
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
                 return self._call(name, arguments)
-            case ast.Name(id=name):
-                meant = {"x": ": use x[0], x[1] or x[2]", "y": ": use x[1]", "z": ": use x[2]"}.get(name, "")
-                raise ValueError(f"{name!r} is not known{meant}")
-            case ast.Subscript(value=ast.Name(id=name)):
-                raise ValueError(f"'{name}[...]' is not known: the position is x[0], x[1] and, in 3D, x[2]")
-            case ast.Attribute(attr=name):
-                raise ValueError(f"'.{name}' is not known")
-        raise ValueError(f"{type(node).__name__} is not available")
+        raise ValueError(f"{ast.unparse(node)!r} is not available")
 
     def _numbers(self, *nodes: ast.expr) -> list[Any]:
         return [self._of_kind(node, condition=False) for node in nodes]
@@ -174,9 +161,7 @@ class _Evaluator:
             return reduce(functions[name], self._numbers(*arguments))
         if name in _ONE_ARGUMENT and count == 1:
             return functions[name](*self._numbers(*arguments))
-        if name in functions:
-            raise ValueError(f"{name} does not take {count} arguments")
-        raise ValueError(f"function {name!r} is not known")
+        raise ValueError(f"{name!r} of {count} arguments is not available")
 
     def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Any:
         """A comparison in which numbers are equal that are so but for round-off.
@@ -195,21 +180,6 @@ class _Evaluator:
             size = size + self._algebra.reach(self._position)  # the round-off of a coordinate is that of the largest
         room = self._algebra.number(SAME_NUMBER) * size
         return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
-
-
-def _check_exponent(node: ast.expr) -> None:
-    value = node.operand if isinstance(node, ast.UnaryOp) else node
-    if not isinstance(value, ast.Constant) or type(value.value) not in (int, float):
-        raise ValueError("an exponent must be a number")
-    if abs(_float(value.value)) > _MAX_EXPONENT:
-        raise ValueError(f"an exponent must not exceed {_MAX_EXPONENT}")
-
-
-def _float(value: Any) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
 
 
 def _switches(node: ast.expr) -> list[tuple[ast.expr, ...]]:
@@ -259,8 +229,8 @@ def _degree(node: ast.expr) -> float:
             return max(_degree(body), _degree(orelse))
         case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
             return max(map(_degree, arguments))
-        case ast.BinOp(left=left, op=ast.Pow()):
-            return 0.0 if _degree(left) == 0 else math.inf
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            return 0.0 if _degree(left) == _degree(right) == 0 else math.inf
         case ast.Call(func=ast.Name(id=name), args=[argument]) if name != "sign":
             return 0.0 if _degree(argument) == 0 else math.inf
     return 0.0  # a number, a condition, or a sign
@@ -303,17 +273,11 @@ class Expression:
         """Whether it depends on the time t."""
         return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree))
 
-    def at(self, time: float) -> Self:
+    def at_time(self, time: float) -> Self:
         """The same function at a time."""
         later = copy.copy(self)  # with its tree, which is not parsed and checked again
-        later.__dict__.pop("at_its_time", None)
         object.__setattr__(later, "time", time)
         return later
-
-    @cached_property
-    def at_its_time(self) -> float:
-        """The value of one that does not depend on the position."""
-        return float(self(np.zeros((3, 1)))[0])
 
     @property
     def coordinates(self) -> int:
@@ -397,6 +361,11 @@ def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     if result.shape not in ((), (1,), (x.shape[1],)):
         raise ValueError(f"the values have the shape {result.shape}, and {(x.shape[1],)} is expected")
     return np.broadcast_to(result, (x.shape[1],)).copy()
+
+
+def number(value: Any) -> float:
+    """The value of a number, or of an ``Expression`` that does not depend on the position, at its time."""
+    return float(sample(value, np.zeros((3, 1)))[0])
 
 
 def real_numbers(values: Any) -> npt.NDArray[np.float64]:

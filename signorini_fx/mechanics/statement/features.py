@@ -145,10 +145,6 @@ def _everywhere(statement: Any, dimension: int) -> Iterator[tuple[str, str]]:
             turning = effect.foundation.turning_contradictions(dimension) if turns else ()
             for key, reason in (*effect.foundation.contradictions(dimension), *turning):
                 yield f"contact[{index}].foundation.{key}", reason
-        for support in statement.displacement:
-            components = support.components[: dimension + statement.kinematics.out_of_section]
-            if support.boundary == effect.boundary and None not in components:
-                yield "scene", f"boundary {effect.boundary!r} is in contact, and all of its displacement is prescribed"
 
 
 def _in_the_plane(statement: Any) -> Iterator[tuple[str, str]]:

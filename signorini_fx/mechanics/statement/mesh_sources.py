@@ -62,14 +62,8 @@ def one_mesh(entry: Any) -> Any:
             raise ValueError("give either file or generator")
         return (MeshFile if "file" in entry else MeshGenerator).model_validate(entry)
     if not isinstance(entry, MeshFile | MeshGenerator | TaggedMeshBase):
-        message = "a table with file or generator is expected"
-        if isinstance(entry, str | Path):
-            message += f": for a mesh file write MeshFile(file={str(entry)!r}), in TOML [mesh] with file = ..."
-        elif hasattr(entry, "topology"):
-            message += ", or a mesh with named boundaries: tag_boundaries(mesh, {name: rule, ...}) makes one"
-        else:
-            message += f", not {kind_of(entry)}"
-        raise ValueError(message)
+        wanted = "a table with file or generator, or a mesh with named boundaries, see tag_boundaries,"
+        raise ValueError(f"{wanted} is expected, not {kind_of(entry)}")
     return entry
 
 

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import AfterValidator
 
 from signorini_fx.mechanics.statement.base import Table
-from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.expressions import Expression, number
 from signorini_fx.mechanics.statement.values import NonNegative, TimedSampledValue, shown
 
 Array = npt.NDArray[np.float64]
 COMPONENTS = {2: ("x", "y", "rotation"), 3: ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")}
+Component = Literal["x", "y", "z", "rotation", "rotation_x", "rotation_y", "rotation_z"]
 
 
 def _of_time(entry: Any) -> Any:
@@ -46,50 +47,6 @@ TimedVector = Annotated[tuple[Timed, ...], _of_length(2, 3)]
 TimedAngle = Annotated[tuple[Timed, ...], _of_length(3)] | Timed
 
 
-class Prescribed(Table):
-    """The components of a rigid motion that are prescribed; numbers or expressions of the time t.
-
-    Attributes:
-        x: translation along x[0], length; None: free, as all others.
-        y: translation along x[1], length.
-        z: translation along x[2], length; only in 3D.
-        rotation: rotation, radians, small except with a nonlinear body; only in 2D.
-        rotation_x: component of the rotation vector along x[0], likewise; only in 3D.
-        rotation_y: component along x[1]; only in 3D.
-        rotation_z: component along x[2]; only in 3D.
-    """
-
-    x: Timed | None = None
-    y: Timed | None = None
-    z: Timed | None = None
-    rotation: Timed | None = None
-    rotation_x: Timed | None = None
-    rotation_y: Timed | None = None
-    rotation_z: Timed | None = None
-
-
-class PivotSprings(Table):
-    """Springs between the reference point of a rigid body and the ground, one for each component of its motion.
-
-    Attributes:
-        x: stiffness along x[0], force / length; None: zero, as of all others.
-        y: along x[1].
-        z: along x[2]; only in 3D.
-        rotation: moment per radian; only in 2D.
-        rotation_x: about an axis along x[0]; only in 3D.
-        rotation_y: about an axis along x[1]; only in 3D.
-        rotation_z: about an axis along x[2]; only in 3D.
-    """
-
-    x: NonNegative | None = None
-    y: NonNegative | None = None
-    z: NonNegative | None = None
-    rotation: NonNegative | None = None
-    rotation_x: NonNegative | None = None
-    rotation_y: NonNegative | None = None
-    rotation_z: NonNegative | None = None
-
-
 class RigidMotion(Table):
     """What drives a rigid motion; without any of these there is no such unknown.
 
@@ -97,14 +54,21 @@ class RigidMotion(Table):
         force: on the rigid body at its reference point, force, in 2D per thickness; numbers or expressions of
             the time t; None: none.
         moment: about that point, in 2D a number, counterclockwise, in 3D three; of the same kinds.
-        prescribed: the components of the motion that are not free.
-        spring: between its reference point and the ground; None: there is none.
+        prescribed: the components of the motion that are not free, by their names: translations x, y, in 3D z, lengths,
+            and rotation, in 3D rotation_x, rotation_y, rotation_z, radians, small except with a nonlinear body; of the
+            same kinds.
+        spring: between its reference point and the ground, by the same names: force / length, and moment per radian;
+            None: there is none.
     """
 
     force: TimedVector | None = None
     moment: TimedAngle | None = None
-    prescribed: Prescribed | None = None
-    spring: PivotSprings | None = None
+    prescribed: dict[Component, Timed] | None = None
+    spring: dict[Component, NonNegative] | None = None
+
+    def prescribes(self, component: str) -> Any:
+        """What a component of its motion is; None: it is free."""
+        return (self.prescribed or {}).get(component)
 
     @property
     def drives(self) -> bool:
@@ -114,15 +78,14 @@ class RigidMotion(Table):
     @property
     def driven_in_time(self) -> bool:
         """Whether what drives it depends on the time."""
-        prescribed = [getattr(self.prescribed, key, None) for key in Prescribed.model_fields]
-        driving = (*(self.force or ()), *_tuple(self.moment), *prescribed)
+        driving = (*(self.force or ()), *_tuple(self.moment), *(self.prescribed or {}).values())
         return any(isinstance(value, Expression) for value in driving)
 
     def drive(self, dimension: int, time: float) -> tuple[Array, Array]:
         """Forces and moments at a time, and the prescribed components, nan where they are free, shapes (m,)."""
         force = self.force or (0.0,) * dimension
         moment = _tuple(self.moment) or (0.0,) * (2 * dimension - 3)
-        motion = [None if self.prescribed is None else getattr(self.prescribed, name) for name in COMPONENTS[dimension]]
+        motion = map(self.prescribes, COMPONENTS[dimension])
         return (
             np.array([_at(value, time) for value in (*force, *moment)]),
             np.array([np.nan if value is None else _at(value, time) for value in motion]),
@@ -130,16 +93,15 @@ class RigidMotion(Table):
 
     def stiffness(self, dimension: int) -> Array:
         """That of its springs, for each component of its motion, shape (m,)."""
-        names = COMPONENTS[dimension]
-        return np.array([getattr(self.spring, name, None) or 0.0 for name in names])
+        return np.array([(self.spring or {}).get(name, 0.0) for name in COMPONENTS[dimension]])
 
     def motion_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that do not fit the dimension of the mesh, and why."""
         where = "the mesh is plane" if dimension == 2 else "the mesh is in 3D"
         if self.moment is not None and isinstance(self.moment, tuple) != (dimension == 3):
             yield "moment", f"{where}: give " + ("a number" if dimension == 2 else "three numbers")
-        given = {f"prescribed.{key}": value for key, value in self.prescribed or () if value is not None}
-        given |= {f"spring.{key}": value for key, value in self.spring or () if value}
+        given = [f"prescribed.{key}" for key in self.prescribed or ()]
+        given += [f"spring.{key}" for key, value in (self.spring or {}).items() if value]
         for path in given:
             key = path.partition(".")[2]
             if key not in COMPONENTS[dimension]:
@@ -214,6 +176,4 @@ def _tuple(value: Any) -> tuple[Any, ...]:
 
 
 def _at(value: Any, time: float) -> float:
-    if isinstance(value, Expression):
-        return value.at(time).at_its_time
-    return float(value)
+    return number(value.at_time(time) if isinstance(value, Expression) else value)

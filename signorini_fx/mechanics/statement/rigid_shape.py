@@ -28,7 +28,7 @@ from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSche
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
 from signorini_fx.mechanics.statement.base import problems_of, refused
-from signorini_fx.mechanics.statement.expressions import Expression, sample
+from signorini_fx.mechanics.statement.expressions import Expression, number, sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion, TimedAngle, TimedVector
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
 from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
@@ -121,7 +121,7 @@ class Shape(RigidMotion):
     def turning_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that are missing where it may turn, and why."""
         turning = COMPONENTS[dimension][dimension:]
-        if self.drives and self.pivot is None and any(getattr(self.prescribed, key, None) != 0.0 for key in turning):
+        if self.drives and self.pivot is None and any(self.prescribes(key) != 0.0 for key in turning):
             yield "pivot", "give the point where the force acts, about which the foundation turns"
 
     @property
@@ -135,7 +135,7 @@ class Shape(RigidMotion):
         def at(value: Any) -> Any:
             if isinstance(value, tuple):
                 return tuple(map(at, value))
-            return value.at(time) if isinstance(value, Expression) else value
+            return value.at_time(time) if isinstance(value, Expression) else value
 
         return self.model_copy(update={"shift": at(self.shift), "rotation": at(self.rotation)}) if self.timed else self
 
@@ -211,7 +211,7 @@ class Shape(RigidMotion):
     def _translations(self, dimension: int) -> tuple[Array, Array]:
         """Its shift and its pivot, shapes (d,)."""
         zero = np.zeros(dimension)
-        shift = zero if self.shift is None else np.array([_at_its_time(component) for component in self.shift])
+        shift = zero if self.shift is None else np.array([number(component) for component in self.shift])
         return shift, zero if self.pivot is None else np.array(self.pivot)
 
     def turn_matrix(self, dimension: int) -> Array:
@@ -221,7 +221,7 @@ class Shape(RigidMotion):
     def angles(self) -> float | tuple[float, ...]:
         """Its rotation as numbers, degrees."""
         rotation = self.rotation
-        return tuple(map(_at_its_time, rotation)) if isinstance(rotation, tuple) else _at_its_time(rotation or 0.0)
+        return tuple(map(number, rotation)) if isinstance(rotation, tuple) else number(rotation or 0.0)
 
 
 def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
@@ -239,11 +239,6 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
         return np.eye(dimension)
     cosine, sine = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
     return np.array([[cosine, -sine], [sine, cosine]])
-
-
-def _at_its_time(value: Any) -> float:
-    """A number, or an expression at its time."""
-    return value.at_its_time if isinstance(value, Expression) else float(value)
 
 
 # --- as the data of a foundation --------------------------------------------------------------------------------------

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from datetime import date
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from signorini_fx.algebra.method import Settings
 from signorini_fx.extensions import LINEAR_SOLVERS, names_of
@@ -18,9 +16,7 @@ from signorini_fx.mechanics.statement.values import (
     Positive,
     Value,
     bounded,
-    count_or_auto,
     share,
-    value,
 )
 
 
@@ -51,27 +47,6 @@ class Discretised(Table):
         return self.volumetric == "mixed"
 
 
-class Box(Table):
-    """The points with coordinates in the given closed intervals; a coordinate that is not named is not restricted.
-
-    Attributes:
-        x: lowest and highest x[0], lengths.
-        y: lowest and highest x[1], lengths.
-        z: lowest and highest x[2], lengths; only in 3D.
-    """
-
-    x: tuple[float, float] = (-math.inf, math.inf)
-    y: tuple[float, float] = (-math.inf, math.inf)
-    z: tuple[float, float] = (-math.inf, math.inf)
-
-    @field_validator("x", "y", "z")
-    @classmethod
-    def _ordered(cls, interval: tuple[float, float]) -> tuple[float, float]:
-        if not interval[0] <= interval[1]:
-            raise ValueError(f"an interval [low, high] is expected, got {list(interval)}")
-        return interval
-
-
 def _linear_algebra(kind: str) -> str:
     names = known_linear_algebra()
     if kind not in names:
@@ -95,7 +70,7 @@ class SolverSettings(Table):
         sigma: sigma of Algorithm (SSN), length per stress. ``auto``: infinite, that is, a node never jumps from one
             slip set to the other but passes through stick, which is how sigma = 1 acts in the paper's units.
         initial_contact: the nodes of the first contact set. ``all``: the solution of the unconstrained dual
-            problem; a box or an expression (true or > 0): a patch that is forced into contact. ``auto``: all.
+            problem; an expression (true or > 0): a patch that is forced into contact. ``auto``: all.
         gamma_first: continuation: the first gamma; ``auto``: 1e-4 of the last.
         gamma_factor: alm without Coulomb friction: factor by which gamma grows from one problem to the next.
         inner_iterations: alm without Coulomb friction: linear solves allowed for one problem (inexact); ``auto``: until
@@ -125,10 +100,10 @@ class SolverSettings(Table):
     gamma_n: Automatic = "auto"
     gamma_t: Automatic = "auto"
     sigma: Automatic = "auto"
-    initial_contact: Box | Literal["auto", "all"] | Value = "auto"
+    initial_contact: Literal["auto", "all"] | Value = "auto"
     gamma_first: Automatic = "auto"
     gamma_factor: Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True), AfterValidator(bounded)] = 1.0
-    inner_iterations: Annotated[int | Literal["auto"], BeforeValidator(count_or_auto)] = "auto"
+    inner_iterations: Count | Literal["auto"] = "auto"
     regularisation_error: Automatic = "auto"
     linear_algebra: Annotated[str, AfterValidator(_linear_algebra)] = "auto"
     levels: Annotated[int, Field(ge=1, le=12, strict=True)] = 1
@@ -138,13 +113,6 @@ class SolverSettings(Table):
     largest_deformation: Positive = 0.5
     fallbacks: bool = True
     error_bound: bool = False
-
-    @field_validator("initial_contact", mode="before")
-    @classmethod
-    def _region(cls, region: Any) -> Any:
-        if region in ("auto", "all") or isinstance(region, Box):
-            return region
-        return Box.model_validate(region) if isinstance(region, Mapping) else value(region)
 
 
 class Units(Table):

@@ -136,14 +136,6 @@ def number_or_auto(entry: Any) -> Any:
     return entry if entry == "auto" else bounded(entry)
 
 
-def count_or_auto(entry: Any) -> Any:
-    """A positive whole number or the word auto, with one message where it is neither."""
-    entry = entry.item() if isinstance(entry, np.number) else entry
-    if entry != "auto" and not (type(entry) is int and 0 < entry <= 100_000):
-        raise ValueError(f"a positive whole number or 'auto' is expected, got {shown(entry)}")
-    return entry
-
-
 Finite = Annotated[
     float, Field(allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
 ]
@@ -157,7 +149,7 @@ NonNegative = Annotated[
     AfterValidator(not_negative),
     AfterValidator(bounded),
 ]
-Count = Annotated[int, Field(gt=0, le=100_000, strict=True)]
+Count = Annotated[int, Field(gt=0, le=100_000, strict=True), BeforeValidator(plain_number)]
 
 
 def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:

@@ -15,7 +15,6 @@ from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
-from signorini_fx.mechanics.contact_points.first_sets import first_sets
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import MOST_LISTED
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
@@ -234,7 +233,7 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
         reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
         raise SceneError([("displacement", reason)])
     if model.boundary is not None:
-        first_sets(model.statement, model.boundary)
+        model.first_sets()
         if linear:
             _refuse_moving(model)
     if model.statement.solver.error_bound:
