@@ -53,23 +53,13 @@ class BodyPieces:
         """Number of pieces."""
         return int(self.cells.size)
 
-    def describe(self, piece: int) -> str:
-        """Which piece it is and where."""
-        cells = int(self.cells[piece])
-        where = extent(self.bounds[piece])
-        return f"{self._numbered(piece)} ({cells} cell{'s' * (cells > 1)}, {where})"
-
     def called(self, piece: int) -> str:
-        """Which piece it is, for a sentence: a body by its name alone, any other piece as ``describe`` does."""
-        unbroken = bool(self.bodies) and self.bodies.count(self.bodies[piece]) == 1
-        return self._numbered(piece) if unbroken else self.describe(piece)
-
-    def _numbered(self, piece: int) -> str:
-        number = f"piece {piece + 1} of {self.count}"
-        if not self.bodies:
-            return number
-        name = f"body {self.bodies[piece]!r}"
-        return name if self.bodies.count(self.bodies[piece]) == 1 else f"{number}, in {name}"
+        """Which piece it is: a body by its name alone, any other piece with its size and extent."""
+        bodies, cells = self.bodies, int(self.cells[piece])
+        if bodies and bodies.count(bodies[piece]) == 1:
+            return f"body {bodies[piece]!r}"
+        number = f"piece {piece + 1} of {self.count}" + (f", in body {bodies[piece]!r}" if bodies else "")
+        return f"{number} ({cells} cell{'s' * (cells > 1)}, {extent(self.bounds[piece])})"
 
     def of_bodies(self, comm: MPI.Comm, cells: Mapping[str, npt.NDArray[np.int32]]) -> BodyPieces:
         """The same with the names of bodies, each of which has these cells on this rank; collective."""

@@ -45,7 +45,7 @@ class TemperatureChange(InitialStrain):
         for material_number, material in enumerate(statement.material):
             inside = self.region is None or material.region in (None, self.region)
             if self.acts and inside and material.expansion is None:
-                yield ("material", material_number), f"has no expansion, which {statement.heading('temperature')} needs"
+                yield ("material", material_number), "has no expansion, which temperature needs"
 
     def strain(self, on: BodyCoefficients) -> Any:
         return on.expansion * on.value_in(self.region, self._value)

@@ -16,7 +16,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices, node_positions
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.tuned import ROOT_OF_EPS, ZERO_COMPONENT
@@ -108,17 +107,12 @@ def dirichlet_conditions(
     for component in components_on_axis:
         dofs = (space.mesh.geometry.dim * nodes + component).astype(np.int32)
         support = fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component))
-        supports.append((_ON_AXIS[components_on_axis], support))
+        supports.append((_ON_AXIS, support))
     return supports
 
 
-# What holds the nodes on the axis of revolution, by the components of their displacements that are zero.
-_ON_AXIS = {
-    kind.zero_on_axis: PrescribedDisplacement(
-        boundary="on the axis", **{"xyz"[component]: 0.0 for component in kind.zero_on_axis or (0,)}
-    )
-    for kind in KINDS
-}
+# What holds the nodes on the axis of revolution, whatever components of their displacements are zero.
+_ON_AXIS = PrescribedDisplacement(boundary="on the axis", x=0.0)
 
 
 def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
@@ -206,8 +200,7 @@ def turned_nodes(
         return None
     dim = space.mesh.geometry.dim
     axes = np.full((len(node_positions(space)), dim), -1)
-    on_the_axis = _ON_AXIS[statement.kinematics.zero_on_axis]
-    position = {id(effect): index for index, effect in enumerate((*statement.displacement, on_the_axis))}
+    position = {id(effect): index for index, effect in enumerate((*statement.displacement, _ON_AXIS))}
     for effect, support in supports:
         axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]
     turned = TurnedNodes.of(skew, axes)

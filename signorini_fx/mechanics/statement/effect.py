@@ -277,7 +277,7 @@ def without_density(statement: Any, key: str) -> Contradictions:
     """The materials that have no density although an effect needs it."""
     for number, material in enumerate(statement.material):
         if material.density is None:
-            yield ("material", number), f"has no density, which {statement.heading(key)} needs"
+            yield ("material", number), f"has no density, which {key} needs"
 
 
 class Resistance(Effect):

@@ -112,10 +112,6 @@ class Statement:
         """The unit of each quantity on a mesh of this dimension, see ``units.unit_names``."""
         return unit_names({} if self.units is None else dict(self.units), self.kinematics_in(dimension))
 
-    def heading(self, key: str) -> str:
-        """How a TOML file writes a table of this key: ``[key]`` if there can be one only, else ``[[key]]``."""
-        return f"[{key}]" if key in self.single else f"[[{key}]]"
-
     def listed(self) -> list[tuple[str, Any]]:
         """All entries with their paths in the scene."""
         return [

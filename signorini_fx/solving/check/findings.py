@@ -94,7 +94,7 @@ def _pieces(body: Model) -> list[Finding]:
     pieces = body.motions.pieces
     if pieces.count == 1:
         return []
-    listed = "; ".join(pieces.describe(piece) for piece in range(min(pieces.count, MOST_LISTED)))
+    listed = "; ".join(pieces.called(piece) for piece in range(min(pieces.count, MOST_LISTED)))
     suffix = f"; and {pieces.count - MOST_LISTED} more" if pieces.count > MOST_LISTED else ""
     if any(effect.against is not None for effect in body.statement.contact):
         return [Finding("note", "mesh", f"there are {pieces.count} bodies: {listed}{suffix}")]
