@@ -13,12 +13,11 @@ from petsc4py import PETSc
 from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
-from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.mechanics_of_forms import NO_STRESS
 from signorini_fx.forms.problem_of_forms import ProblemOfForms
-from signorini_fx.forms.solver import FormSolver
+from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -28,7 +27,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.contact_fields import ContactFields
 
 if TYPE_CHECKING:
-    from signorini_fx.quantities.functional import Gradient
+    from signorini_fx.quantities.differentiable import Gradient
     from signorini_fx.results.accuracy.error_estimates import Errors
     from signorini_fx.results.mechanics import StepResult
     from signorini_fx.results.solution import Solution
@@ -190,7 +189,7 @@ class ContactProblem(ProblemOfForms):
     def solver(self) -> PETSc.SNES:
         """The SNES of the semi-smooth Newton method, for monitors and options; set up if it is not yet; collective."""
         solver = self.assembled
-        with options.applied(*solver.options):
+        with options_applied(*solver.options):
             if not solver.set_up:
                 solver.update()
             return solver.task.newton.snes

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
@@ -17,9 +19,9 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.elasticity import LoadCase
+from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
-from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
 from signorini_fx.forms.given_forms import GivenForms, NamedParts, named_parts
@@ -155,7 +157,7 @@ class FormSolver:
             Why there is no solution, and what to do; "": there is one.
         """
         self.solves_before, self.timings = len(self.history.iterations), Timings()
-        with options.applied(*self.options), self.timings.phase("solve"):
+        with options_applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
             outcome = solve_task(self.task, self.begun)
             self.show(outcome, self._judged(outcome))
@@ -412,3 +414,30 @@ class FormSolver:
     def _forms_and_forces(self) -> tuple[list[fem.Form], Array]:
         """The terms of a, and L at the owned dofs, as they are now; collective."""
         return [self.forms.compiled[0]], assemble(self.forms.compiled[1])
+
+
+@contextmanager
+def options_applied(prefix: str, problem_options: Mapping[str, Any]) -> Iterator[None]:
+    """Put the options of a problem where its solver objects read them, without its prefix; those of the database take
+    precedence.
+
+    Raises:
+        OptionsError: PETSc fails with them, or would run another method than ours with one of them.
+    """
+    database = PETSc.Options()
+    wanted = {name: str(value) if value is not None else "" for name, value in problem_options.items()}
+    wanted |= {name.removeprefix(prefix): value for name, value in database.getAll().items() if name.startswith(prefix)}
+    ours = PETSc.Options(PREFIX)
+    refuse_exchanged({name: value or "" for name, value in {**ours.getAll(), **wanted}.items()})
+    saved = {name: value for name, value in database.getAll().items() if name.startswith(PREFIX)}
+    for name, value in wanted.items():
+        ours[name] = value or None
+    try:
+        yield
+    except PETSc.Error as error:
+        raise refused(error) or error from None
+    finally:
+        for name in wanted:
+            ours.delValue(name)
+        for name, value in saved.items():
+            database[name] = value or None

@@ -13,8 +13,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms import options
-from signorini_fx.forms.solver import FormSolver, StepBeginning
+from signorini_fx.forms.solver import FormSolver, StepBeginning, options_applied
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Status, Timings
@@ -93,7 +92,7 @@ def solve_path(
     solver.timings = Timings()
     solver.solves_before = len(solver.history.iterations)
     increments = Increments(path, solver.settings)
-    with options.applied(*solver.options):
+    with options_applied(*solver.options):
         clock.turn(path.time_at(increments.next))
         with solver.timings.phase("assemble"):
             solver.begun = start = solver.begin_step()

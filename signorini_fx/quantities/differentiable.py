@@ -20,10 +20,40 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.mesh.points import cells_of_points
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.quantities.functional import Functional
 from signorini_fx.tuned import DIGITS_OF_FILES
 
 Array = npt.NDArray[np.float64]
+
+
+class Functional:
+    """A scalar result J(y, lambda, mu)."""
+
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+        """J; collective."""
+        raise NotImplementedError
+
+    def by_displacement(self, y: fem.Function) -> Array | None:
+        """J_y at the owned dofs; None: it does not depend on the displacement; collective."""
+        return None
+
+    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+        """Derivative by (lambda, mu) at each point over its weight, shape (n, d); collective."""
+        return np.zeros((pressure.size, 1 + shear.shape[1]))
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """The derivatives of a result by Constants.
+
+    Attributes:
+        value: the result.
+        derivatives: by each Constant, shape (n,).
+        between: contact points that stand between two sets: there the derivatives are those of one side.
+    """
+
+    value: float
+    derivatives: Array
+    between: int
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,7 @@
-"""Quantities that other packages and programs add to the results, and the schema of summary.json."""
+"""Quantities that other packages and programs add to the results."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -58,25 +57,3 @@ def _usable(name: str, extension: Any) -> Quantity:
     if getattr(quantity, "key", None) != name or not name.isidentifier() or name in taken:
         raise InstallationError(f"the quantity {name!r} needs a key that is its name, an identifier that is not taken")
     return quantity
-
-
-def schema_of_summary(tables: Iterable[str]) -> dict[str, Any]:
-    """The JSON schema of summary.json with the quantities of others; ``tables``: those of a scene."""
-    schema = Summary.model_json_schema()
-    schema["properties"]["scene"] |= {
-        "properties": {name: {} for name in tables}
-        | {"forms": {"description": "Of a `ContactProblem` the forms that it was given, in place of what they hold."}},
-        "additionalProperties": False,
-    }
-    number = {"$ref": "#/$defs/number"}
-    for quantity in own_quantities():
-        schema["properties"][quantity.key] = {
-            "anyOf": [number, {"type": "array", "items": number}],
-            "description": quantity.title,
-        }
-        schema["$defs"]["RowOfSteps"]["properties"][quantity.key] = number
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "summary.json of signorini_fx",
-        **schema,
-    }

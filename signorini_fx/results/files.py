@@ -21,7 +21,7 @@ from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.quantities.text import marked_stress
+from signorini_fx.quantities.shown import marked_stress
 from signorini_fx.quantities.values import of_fields
 from signorini_fx.records import Finding, as_columns
 from signorini_fx.results import deferred_quantities

@@ -16,9 +16,8 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import results_of, status_in_words
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
 from signorini_fx.mechanics.assembly.pieces import extent
-from signorini_fx.quantities.shown import brief_lines, shown_lines, table
+from signorini_fx.quantities.shown import brief_lines, row, shown_lines, table
 from signorini_fx.quantities.summary import SCHEMA_VERSION
-from signorini_fx.quantities.text import row
 from signorini_fx.quantities.values import of_results
 from signorini_fx.records import OuterRecord, Record, StepRecord
 from signorini_fx.results.deferred_quantities import columns_of, proved

@@ -12,7 +12,8 @@ from pydantic import BaseModel
 from signorini_fx.mechanics.statement.base import tables
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.settings import known_linear_algebra
-from signorini_fx.quantities.quantity import schema_of_summary
+from signorini_fx.quantities.quantity import own_quantities
+from signorini_fx.quantities.summary import Summary
 from signorini_fx.scenes.scene import Scene
 
 
@@ -45,8 +46,25 @@ def scene_schema() -> dict[str, Any]:
 
 
 def summary_schema() -> dict[str, Any]:
-    """The JSON schema of summary.json in result folders."""
-    return schema_of_summary(Scene.model_fields)
+    """The JSON schema of summary.json in result folders, with the quantities of others."""
+    schema = Summary.model_json_schema()
+    schema["properties"]["scene"] |= {
+        "properties": {name: {} for name in Scene.model_fields}
+        | {"forms": {"description": "Of a `ContactProblem` the forms that it was given, in place of what they hold."}},
+        "additionalProperties": False,
+    }
+    number = {"$ref": "#/$defs/number"}
+    for quantity in own_quantities():
+        schema["properties"][quantity.key] = {
+            "anyOf": [number, {"type": "array", "items": number}],
+            "description": quantity.title,
+        }
+        schema["$defs"]["RowOfSteps"]["properties"][quantity.key] = number
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "summary.json of signorini_fx",
+        **schema,
+    }
 
 
 def _simplify(node: Any) -> None:

@@ -19,7 +19,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import MachineError, MeshError, OptionsError, SceneError
-from signorini_fx.forms.options import applied
+from signorini_fx.forms.solver import options_applied
 from signorini_fx.machine import compilation
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results.folder import ResultFolder
@@ -165,10 +165,10 @@ def test_options_that_exchange_the_method(petsc, said):
     petsc[petsc_options.PREFIX + name] = value or None
     with pytest.raises(OptionsError, match=message):
         petsc_options.refuse_beforehand()
-    with pytest.raises(OptionsError, match=message), applied("other_", {}):
+    with pytest.raises(OptionsError, match=message), options_applied("other_", {}):
         pass
     petsc.delValue(petsc_options.PREFIX + name)
-    with pytest.raises(OptionsError, match=message), applied("other_", {name: value or None}):
+    with pytest.raises(OptionsError, match=message), options_applied("other_", {name: value or None}):
         pass
     for other, kept in (("snes_type", "newtonls"), ("snes_lag_jacobian", "1"), ("snes_mf", "false")):
         petsc[petsc_options.PREFIX + other] = kept

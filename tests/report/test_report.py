@@ -27,8 +27,8 @@ from signorini_fx.errors import ResultError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.effects.contact import UnilateralContact
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
+from signorini_fx.quantities.shown import figure
 from signorini_fx.quantities.summary import CertificateFigures
-from signorini_fx.quantities.text import figure
 from signorini_fx.records import JUDGED, REPORTED
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.files import write_results

@@ -5,8 +5,7 @@ import re
 import pytest
 
 from signorini_fx.addons.report import sections
-from signorini_fx.quantities.shown import shown_lines, table
-from signorini_fx.quantities.text import figure
+from signorini_fx.quantities.shown import figure, shown_lines, table
 
 
 def texts_of(markup):

@@ -37,8 +37,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_map import contact_map
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
-from signorini_fx.quantities.differentiable import ContactForce
-from signorini_fx.quantities.functional import Functional
+from signorini_fx.quantities.differentiable import ContactForce, Functional
 from signorini_fx.results.step_frames import turned
 from signorini_fx.tuned import DIFFERENCE_STEP, NEGLIGIBLE, ROOT_OF_EPS
 

@@ -21,8 +21,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.model import Model
-from signorini_fx.quantities.differentiable import functional_of
-from signorini_fx.quantities.functional import Functional, Gradient
+from signorini_fx.quantities.differentiable import Functional, Gradient, functional_of
 from signorini_fx.tuned import (
     DIFFERENCE_STEP,
     LEFT_BY_SOLVES,

@@ -24,7 +24,7 @@ from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.features import refuse
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.quantities.functional import Functional
+from signorini_fx.quantities.differentiable import Functional
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep

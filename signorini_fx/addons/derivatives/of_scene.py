@@ -34,8 +34,7 @@ from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.features import refuse
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.quantities.differentiable import functional_of
-from signorini_fx.quantities.functional import Functional
+from signorini_fx.quantities.differentiable import Functional, functional_of
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh

@@ -20,7 +20,7 @@ from signorini_fx.machine import manifest
 from signorini_fx.machine.display import status_in_words
 from signorini_fx.machine.result_files import read_csv, read_summary
 from signorini_fx.mechanics.statement.units import labelled, names_of
-from signorini_fx.quantities.text import was_solved
+from signorini_fx.quantities.shown import was_solved
 
 PAGE = "report.html"
 # The chapters that consist of figures, which say of what they are where there is no solution.

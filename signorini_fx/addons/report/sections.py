@@ -25,17 +25,18 @@ from signorini_fx.addons.report.markup import (
 from signorini_fx.errors import PYVISTA
 from signorini_fx.machine.display import results_of, status_in_words
 from signorini_fx.mechanics.statement.units import names_of, unit
-from signorini_fx.quantities.shown import brief_lines, shown_lines
-from signorini_fx.quantities.shown import table as table_of_results
-from signorini_fx.quantities.summary import CertificateFigures
-from signorini_fx.quantities.text import (
+from signorini_fx.quantities.shown import (
     Validity,
+    brief_lines,
     has_friction,
     kinematics_of,
     marked_stress,
+    shown_lines,
     validity_of,
     was_solved,
 )
+from signorini_fx.quantities.shown import table as table_of_results
+from signorini_fx.quantities.summary import CertificateFigures
 from signorini_fx.records import JUDGED
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 

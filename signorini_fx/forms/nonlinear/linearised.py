@@ -29,7 +29,6 @@ from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
-from signorini_fx.forms import options
 from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import given_forms
@@ -48,7 +47,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools
 from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
-from signorini_fx.forms.solver import FormSolver, StepBeginning
+from signorini_fx.forms.solver import FormSolver, StepBeginning, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -528,7 +527,7 @@ class LinearisedProblem(FormSolver):
 
     def leave_open(self, status: Status) -> None:
         """Make the displacement of now, without any contact, the last result, of a solve with this end; collective."""
-        with options.applied(*self.options):
+        with options_applied(*self.options):
             begun = self.begun = self.begin_step()
         nowhere = np.zeros(self.boundary.size)
         sets = ActiveSets.of(nowhere > 0, np.zeros_like(begun.data.mu_hat), nowhere)
@@ -552,7 +551,7 @@ class LinearisedProblem(FormSolver):
         self.definite, self.symmetric = definite, symmetric
         self.slide()
         self._last_pattern = None
-        with options.applied(*self.options):
+        with options_applied(*self.options):
             self.begun = self.begin_step()
 
     def assembled_elsewhere(self) -> LinearisedProblem:
