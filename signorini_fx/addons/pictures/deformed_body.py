@@ -20,9 +20,9 @@ from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.marks import Largest, Tones, mark_largest, usual_range
 from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
 from signorini_fx.mechanics.statement.units import bracketed
-from signorini_fx.tuned import BENT_FOUNDATION, SMALL_PART, SMALL_ZONE, VISIBLE_CELL
+from signorini_fx.tuned import SHARP_EDGE, SMALL_PART, SMALL_ZONE, VISIBLE_CELL
 
-_BENT = math.cos(math.radians(BENT_FOUNDATION))
+_BENT = math.cos(math.radians(SHARP_EDGE))
 _TRIANGLES = 15_000  # of which a field is made up at least
 _FAINT = (0.0, 0.0, 0.0, 0.22)
 _WIDEST = {1: 4.8, 2: 2.6}  # inches of a panel, by their number

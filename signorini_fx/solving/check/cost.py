@@ -25,9 +25,8 @@ from signorini_fx.tuned import (
     NEWTON_SOLVES,
     NEXT_ERROR,
     PAIRED_BYTES,
-    SOLVES_OF_COULOMB,
-    SOLVES_OF_SETS,
     SOLVES_OF_START,
+    SOLVES_PER_DOUBLING,
 )
 
 
@@ -77,8 +76,8 @@ def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
     if not statement.contact:
         return steps * (1 + finer), steps * (1 + finer)
     size = math.log2(max(nodes / 2**finer, 4))
-    coulomb = any(contact.coulomb for contact in statement.contact)
-    low, high = (round(factor * size) for factor in (SOLVES_OF_COULOMB if coulomb else SOLVES_OF_SETS))
+    size *= 2 if any(contact.coulomb for contact in statement.contact) else 1
+    low, high = (round(factor * size) for factor in SOLVES_PER_DOUBLING)
     # A later load step starts from the sets of the previous one, a finer mesh from those of the coarser one.
     least, greatest = SOLVES_OF_START
     return low + least * (steps - 1 + finer * steps), high * steps + greatest * finer * steps
@@ -99,7 +98,7 @@ def estimated_cost(model: Model) -> Cost:
     kind, reason = choice.choose_kind(model.system_size(), model.statement.solver.linear_algebra)
     dense, held = 0, 12.0 * entries
     if kind == "krylov":
-        once, per_solve, held = KRYLOV_SECONDS[0] * n, KRYLOV_SECONDS[1] * n, matrix
+        once, per_solve, held = KRYLOV_SECONDS * n, KRYLOV_SECONDS * n, matrix
     elif kind == "condensed":
         dense = dim * nodes
         once, per_solve = factorisation, dense**3 / 3 / DENSE_SPEED
