@@ -24,7 +24,6 @@ from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.contact_fields import ContactFields
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.differentiable import Gradient
@@ -193,13 +192,6 @@ class ContactProblem(ProblemOfForms):
             if not solver.set_up:
                 solver.update()
             return solver.task.newton.snes
-
-    def fields_of(self, number: int) -> ContactFields:
-        """The fields of one foundation alone, new Functions: at its end a node may belong to another one, too."""
-        solver = self.assembled
-        fields = ContactFields.on(solver.space)
-        fields.take(solver.space, self.state, solver.boundary.part == number)
-        return fields
 
     def solve(self) -> fem.Function:
         """Solve with the values that constants, Functions and conditions have now; collective.

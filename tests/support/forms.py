@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from signorini_fx import ContactProblem, Coulomb, Foundation, TaggedMesh, Tresca
 from signorini_fx.records import Status
+from signorini_fx.results.contact_fields import ContactFields
 
 CELLS = {2: (dmesh.CellType.triangle, dmesh.CellType.quadrilateral), 3: (dmesh.CellType.tetrahedron,)}
 
@@ -126,7 +127,8 @@ def judge(drawn, balance=1e-10, tolerance=1e-6):
     x, v = V.tabulate_dof_coordinates(), ufl.TestFunction(V)
     far = np.abs(y.x.array).max()
     for k, (axis, sign, facets, gap, friction) in enumerate(drawn.sides):
-        fields = problem.fields_of(k)
+        fields = ContactFields.on(V)
+        fields.take(V, problem.state, problem.state.boundary.part == k)
         tags = dmesh.meshtags(V.mesh, d - 1, np.sort(facets), np.full(facets.size, 1, dtype=np.int32))
         form = fem.form(v[axis] * ufl.ds(domain=V.mesh, subdomain_data=tags)(1))
         weight = fem.assemble_vector(form).array.reshape(-1, d)[:, axis]
