@@ -36,7 +36,6 @@ class Cost:
 
     Attributes:
         unknowns: displacement components that are not prescribed, of the body and of rigid ones.
-        contact_nodes: nodes of all contact boundaries.
         linear_algebra: ``full``, ``krylov`` or ``condensed``, and why.
         linear_solves: from and to, of all load steps.
         factorisation_seconds: of one sparse factorisation, whether one is made or not.
@@ -49,7 +48,6 @@ class Cost:
     """
 
     unknowns: int
-    contact_nodes: int
     linear_algebra: str
     linear_solves: tuple[int, int]
     factorisation_seconds: float
@@ -59,13 +57,6 @@ class Cost:
     next_error: float
     next_seconds: tuple[float, float]
     next_local: bool
-
-
-def contact_nodes(model: Model) -> int:
-    """The number of nodes of all contact boundaries; collective."""
-    if model.boundary is None:
-        return 0
-    return int(parallel.global_sum(model.boundary.comm, np.array(np.unique(model.boundary.nodes).size)))
 
 
 def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
@@ -89,7 +80,8 @@ def estimated_cost(model: Model) -> Cost:
     """
     comm = model.comm
     n = model.dofs
-    nodes = contact_nodes(model)
+    of_rank = 0 if model.boundary is None else np.unique(model.boundary.nodes).size
+    nodes = int(parallel.global_sum(comm, np.array(of_rank)))
     dim = model.tagged.dimension
     entries = factor_entries(n, dim)
     factorisation = FACTOR_SECONDS[dim][0] * n + FACTOR_SECONDS[dim][1] * n ** (1.5 if dim == 2 else 2.0)
@@ -117,7 +109,6 @@ def estimated_cost(model: Model) -> Cost:
     paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.statement.contact) else 0.0
     return Cost(
         unknowns=free,
-        contact_nodes=nodes,
         linear_algebra=f"{kind}: {reason}",
         linear_solves=solves,
         factorisation_seconds=factorisation,
