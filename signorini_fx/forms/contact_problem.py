@@ -21,8 +21,7 @@ from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
-from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import Finding, Status
+from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
 
 if TYPE_CHECKING:
@@ -113,11 +112,6 @@ class ContactProblem(ProblemOfForms):
         return self.assembled.forms.contact
 
     @property
-    def settings(self) -> SolverSettings:
-        """How it is solved."""
-        return self.assembled.settings
-
-    @property
     def status(self) -> Status | None:
         """How the last solve ended; None before the first one."""
         return self.assembled.status
@@ -172,11 +166,6 @@ class ContactProblem(ProblemOfForms):
             raise FormError([("stress", wrong)])
         table, squares = contact_table(self.state, solver.forms.names), stress.recovery().squares(self.u)
         return combined(solver.model(), table, squares, stress.energy())
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What is to be known about the last solution, or after ``run`` about all load steps; collective."""
-        return () if self.assembled.outcome is None else self.solution.findings
 
     def titled(self, title: str) -> Solution:
         from signorini_fx.forms.steps import solution_of
