@@ -1,5 +1,7 @@
 """A requested accuracy of nonlinear bodies: met, on a finer mesh, too, by the command that is printed."""
 
+from functools import cache, partial
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -54,11 +56,17 @@ def test_it_is_met(name, of):
     assert of != "pressure" or pressure < target
 
 
+@pytest.fixture(scope="module")
+def fine():
+    """Of each material a solution on a finer mesh than those that are judged."""
+    return cache(partial(pressed, times=8))
+
+
 @pytest.mark.parametrize("name", MATERIALS)
-def test_errors_on_one_mesh(name):
+def test_errors_on_one_mesh(name, fine):
     """Force and pressure are within a factor of three of their errors on each mesh."""
-    fine = pressed(name, times=16)
-    for times in (1, 2, 4):
+    fine = fine(name)
+    for times in (1, 2):
         found = pressed(name, times=times)
         errors = combined(found.model, found.table, found.error_shares, 0.5)
         forces = [step.contact.forces_of_each for solution in (found, fine) for step in solution.steps]
@@ -67,9 +75,9 @@ def test_errors_on_one_mesh(name):
         assert 1 / 3 < errors.pressure / distances(found, fine)[1] < 3
 
 
-def test_a_mesh_study():
+def test_a_mesh_study(fine):
     """Each mesh is solved anew, and the last row of the table tells its errors."""
-    fine = pressed("rubber", times=16)
+    fine = fine("rubber")
     parameters = {**PRESSED["mesh"]["parameters"], "nx": 32, "ny": 16}
     study = PRESSED | {"mesh": {"generator": "rectangle", "parameters": parameters}, "solver": {"levels": 3}}
     found = solve(parse_scene(study | {"material": MATERIALS["rubber"]}), MPI.COMM_SELF, check=False)
@@ -98,6 +106,7 @@ def test_what_is_not_known():
     assert all(row.energy > 0 for row in study)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_ranks():
     """All ranks make the meshes of one; bisection may begin elsewhere."""

@@ -12,7 +12,7 @@ from signorini_fx.scenes.reading import parse_scene
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("seed", [2, 5, 6, 20, 42])
+@pytest.mark.parametrize("seed", [6, 2, 5, 20, 42])
 def test_they_agree(seed):
     """Equilibrium, gaps, friction, reported forces, balance of tools, stability."""
     end, faults, _ = tried(seed)

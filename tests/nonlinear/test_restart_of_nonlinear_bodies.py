@@ -82,7 +82,7 @@ def shared(tmp_path):
     return Path(MPI.COMM_WORLD.bcast(str(tmp_path)))
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(
     ("law", "method", "at"),
     [

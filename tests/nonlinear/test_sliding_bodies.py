@@ -58,6 +58,16 @@ def slid(scene, ways):
 
 # --- blocks that are compressed, and limits ---------------------------------------------------------------------------
 
+
+def cases(names, *quick):
+    """All names with the points on either side, of which a few are quick with the points on the first one."""
+    return [
+        pytest.param(name, slave, marks=[pytest.mark.slow] * (slave > 0 or name not in quick))
+        for name in names
+        for slave in (0, 1)
+    ]
+
+
 PATCHES = {
     "quadrilaterals": (blocks, FLAT),
     "triangles": (blocks, FLAT | {"kind": "triangle"}),
@@ -73,8 +83,9 @@ PATCHES = {
 }
 
 
-@pytest.mark.parametrize("slave", [0, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", PATCHES)
+@pytest.mark.parametrize(
+    ("name", "slave"), cases(PATCHES, "quadrilaterals", "tetrahedra", "cylinders, degree 2", "guide")
+)
 def test_patch(name, slave):
     """Bodies whose meshes do not match are compressed by two fifths of both, and guides pulled: uniform, in closed
     form.
@@ -126,10 +137,9 @@ LIMITS = {
 @pytest.mark.parametrize(
     ("name", "slave"),
     [
-        pytest.param(name, slave, marks=[pytest.mark.slow] * (slave or LIMITS[name][0] is bulge))
-        for name in LIMITS
-        for slave in (0, 1)
-        if (name, slave) != ("guide in 3D", 0)
+        case
+        for case in cases(LIMITS, "rough", "degree 2", "of revolution", "tresca")
+        if case.values != ("guide in 3D", 0)
     ],
 )
 def test_linear_limit(name, slave):

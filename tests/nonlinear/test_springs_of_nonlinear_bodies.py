@@ -4,24 +4,17 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy.optimize import root
-from support.nonlinear_scenes import energy_of_stretches, material
+from support.nonlinear_scenes import cube, energy_of_stretches, material
 
 from signorini_fx import solve
-from signorini_fx.scenes.reading import parse_scene
 
 STIFFNESS = 80.0
 
 
-def cube(law, springs, comm=MPI.COMM_SELF, **further):
+def sprung_cube(law, springs, comm=MPI.COMM_SELF, **further):
     """A unit cube that may slide on two of its sides, and that springs hold at others."""
-    size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": 2, "ny": 2, "nz": 2}
-    scene = {
-        "mesh": {"generator": "box", "parameters": size},
-        "material": law,
-        "springs": springs,
-        "displacement": [{"boundary": "front", "y": 0.0}, {"boundary": "left", "x": 0.0}],
-    }
-    return solve(parse_scene(scene | further), comm)
+    held = [{"boundary": "front", "y": 0.0}, {"boundary": "left", "x": 0.0}]
+    return solve(cube(law, **({"springs": springs, "displacement": held} | further)), comm)
 
 
 def squeezed(name, pressure, expansion=0.0):
@@ -50,7 +43,7 @@ def test_a_warm_cube_under_a_pressure_that_follows_it(keys):
     and the cube becomes warmer.
     """
     name, pressure, expansion = "mooney-rivlin", 15.0, 0.05
-    solution = cube(
+    solution = sprung_cube(
         material(name, expansion=0.01),
         {"boundary": "bottom", **keys},
         MPI.COMM_WORLD,
@@ -75,7 +68,7 @@ def test_metal_on_springs():
     free = [{"boundary": "front", "y": 0.0}, {"boundary": "bottom", "z": 0.0}]
     pull = {"boundary": "right", "x": 2.0}
     smooth, rough = (
-        cube(law, {"boundary": "left", "normal": STIFFNESS, **along}, displacement=free, traction=pull)
+        sprung_cube(law, {"boundary": "left", "normal": STIFFNESS, **along}, displacement=free, traction=pull)
         for along in ({}, {"tangential": 2 * STIFFNESS})
     )
     x = smooth.model.space.tabulate_dof_coordinates()

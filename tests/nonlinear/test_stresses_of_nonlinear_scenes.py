@@ -8,10 +8,9 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.optimize import brentq
-from support.nonlinear_scenes import block, material
+from support.nonlinear_scenes import block, material, pressed_cube
 
 from signorini_fx import solve
-from signorini_fx.scenes.reading import parse_scene
 
 RUBBER = {"young": 100.0, "poisson": 0.3}
 METAL = {"young": 100.0, "poisson": 0.3, "yield_stress": 2.0, "hardening": 20.0}
@@ -23,21 +22,6 @@ PRESSED_BLOCKS = {
     "axisymmetric": ({"hypothesis": "axisymmetric"}, {}, (0, 2)),
     "axisymmetric, degree 2": ({"hypothesis": "axisymmetric"}, {"degree": 2}, (0, 2)),
 }
-
-
-def cube(law, path, cells=2, **further):
-    """A cube of so many cells along each edge, on rollers under a plate."""
-    plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0], "shift": [0.0, 0.0, f"-({path})"]}
-    size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": cells, "ny": cells, "nz": cells}
-    rollers = [{"boundary": side, key: 0.0} for side, key in (("left", "x"), ("front", "y"), ("bottom", "z"))]
-    scene = {
-        "mesh": {"generator": "box", "parameters": size},
-        "material": law,
-        "displacement": rollers,
-        "contact": {"boundary": "top", "foundation": plate},
-        "solver": {"algorithm": "alm"},
-    }
-    return parse_scene(scene | further)
 
 
 def tensors(solution):
@@ -78,11 +62,11 @@ def test_a_block_of_rubber_between_plates(kind):
         assert largest["recovered"] is largest["error"] is None
 
 
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("cells", [1, 2])
 def test_a_cube_of_rubber_between_plates(cells):
     """In 3D, where the free sides are two; of each rank, also where most have no cell."""
-    solution = solve(cube(material("neo-hooke", **RUBBER), "0.3*t", cells))
+    solution = solve(pressed_cube(material("neo-hooke", **RUBBER), "0.3*t", cells=cells))
     across, along, _ = neo_hooke(0.7, (0, 2))
     assert abs(across) < 1e-12
     wanted = np.broadcast_to(np.diag([0.0, 0.0, along]), tensors(solution).shape)
@@ -120,7 +104,7 @@ def test_a_block_of_metal_between_walls(body):
     if body == "space":
         walls = [{"boundary": side, "x": 0.0} for side in ("left", "right")]
         walls += [{"boundary": side, "y": 0.0} for side in ("front", "back")] + [{"boundary": "bottom", "z": 0.0}]
-        scene, along = cube(material("j2", **METAL), path, displacement=walls, load_steps=steps), 2
+        scene, along = pressed_cube(material("j2", **METAL), path, displacement=walls, load_steps=steps), 2
     else:
         element = {"degree 2": {"degree": 2}, "reduced": {"volumetric": "reduced"}}.get(body, {})
         further = {"hypothesis": "axisymmetric"} if body == "axisymmetric" else {}

@@ -2,6 +2,7 @@
 
 import basix.ufl
 import numpy as np
+import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
@@ -23,6 +24,11 @@ def material(name, **further):
     return {"law": name.partition(",")[0], **LAWS[name], **further}
 
 
+def but_slow(names, *quick):
+    """All names, of which a few are tried by `make test`."""
+    return [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
 def block(law, path, *, length=1.0, cells=(4, 4), unit=1.0, foundation=None, **further):
     """A block on rollers under a plate, whose way down is an expression of the time, or under another foundation."""
     plate = {"shape": "plane", "point": [0.0, unit], "normal": [0.0, -1.0], "shift": [0.0, f"-{unit} * ({path})"]}
@@ -35,6 +41,25 @@ def block(law, path, *, length=1.0, cells=(4, 4), unit=1.0, foundation=None, **f
         "solver": {"algorithm": "alm"},  # so that closed forms hold without the penetration of a penalty
     }
     return parse_scene(scene | further)
+
+
+def cube(law, *further_supports, cells=2, **further):
+    """A cube of so many cells along each edge, on rollers."""
+    size = {"length": 1.0, "width": 1.0, "height": 1.0, "nx": cells, "ny": cells, "nz": cells}
+    rollers = [{"boundary": side, key: 0.0} for side, key in (("left", "x"), ("front", "y"), ("bottom", "z"))]
+    scene = {
+        "mesh": {"generator": "box", "parameters": size},
+        "material": law,
+        "displacement": [*rollers, *further_supports],
+    }
+    return parse_scene(scene | further)
+
+
+def pressed_cube(law, path, **further):
+    """The same under a plate, whose way down is an expression of the time."""
+    plate = {"shape": "plane", "point": [0.0, 0.0, 1.0], "normal": [0.0, 0.0, -1.0], "shift": [0.0, 0.0, f"-({path})"]}
+    further = {"contact": {"boundary": "top", "foundation": plate}, "solver": {"algorithm": "alm"}} | further
+    return cube(law, **further)
 
 
 def indented(law, *, depth=0.2, cells=(10, 5), unit=1.0, **further):
