@@ -39,7 +39,7 @@ def asked(friction, **goal):
 @pytest.fixture(scope="module", params=sorted(FRICTION))
 def reference(request):
     """A solution without regularisation on a much finer mesh."""
-    return request.param, solve(example1(**FRICTION[request.param], nx=480, ny=160, algorithm="alm")).table.columns
+    return request.param, solve(example1(**FRICTION[request.param], nx=240, ny=80, algorithm="alm")).table.columns
 
 
 @pytest.mark.slow

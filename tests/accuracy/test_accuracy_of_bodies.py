@@ -224,6 +224,7 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
     assert true < target
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("target", [0.05, 0.03])
 def test_energy_of_two_bodies_by_local_refinement(target):
     """Cells of both are divided at the edges; without friction the error of the force is that of the energy."""

@@ -56,25 +56,31 @@ def test_error_of_a_force_on_meshes_that_are_divided_here_and_there(change, expe
 @pytest.fixture(scope="module", params=[{"bound": 1.5}, {"coefficient": 0.3}], ids=["tresca", "coulomb"])
 def nested(request):
     """A nested solve, a much finer one by another method, and the scene of the first."""
-    scene = example1(**request.param, nx=120, ny=40, levels=4)
-    return solve(scene), solve(example1(**request.param, nx=360, ny=120, algorithm="alm")), scene
+    scene = example1(**request.param, nx=60, ny=20, levels=3)
+    return solve(scene), solve(example1(**request.param, nx=180, ny=60, algorithm="alm")), scene
+
+
+@pytest.fixture(scope="module")
+def fine():
+    """A solution with Tresca friction on a mesh that is finer than all others."""
+    return alone(example1(bound=1.5, gamma="auto", nx=240, ny=80, algorithm="alm")).table
 
 
 @pytest.mark.slow
 def test_one_row_a_mesh_and_one_for_the_next(nested):
     """Meshes of doubling fineness, few solves on the finest, the next one marked as predicted."""
     rows = nested[0].convergence_table
-    assert [row.level for row in rows] == [0, 1, 2, 3, 4]
-    assert [row.predicted for row in rows] == [False] * 4 + [True]
-    assert [row.dofs for row in rows[:4]] == [2 * (15 * k + 1) * (5 * k + 1) for k in (1, 2, 4, 8)]
-    assert rows[3].linear_solves <= 4
+    assert [row.level for row in rows] == [0, 1, 2, 3]
+    assert [row.predicted for row in rows] == [False] * 3 + [True]
+    assert [row.dofs for row in rows[:3]] == [2 * (15 * k + 1) * (5 * k + 1) for k in (1, 2, 4)]
+    assert rows[2].linear_solves <= 4
     assert rows[0].peak is None
     assert all(row.pressure > 0 for row in rows)
     assert rows[-1].pressure < rows[-2].pressure
 
 
 def test_effectivity_of_the_pressure(nested):
-    """Estimated over true error of the contact pressure between 1/2 and 2 on three meshes."""
+    """Estimated over true error of the contact pressure between 1/2 and 2 on two meshes."""
     solution, reference, _ = nested
     fine = reference.table.columns
     for level, row in zip(solution.levels[1:], solution.convergence_table[1:], strict=False):
@@ -125,11 +131,11 @@ def test_ends_of_zones_to_one_interval():
     assert prices.ends_of_zones(table(s, [1.0] * 6)) is None
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("of", ["energy", "pressure"])
-def test_meshes_divided_in_some_places(of):
+def test_meshes_divided_in_some_places(fine, of):
     """The estimate of the ends of the zone is no less than their error, that of the largest pressure than its half."""
     scene = example1(bound=1.5, gamma="auto", nx=30, ny=10)
-    fine = alone(example1(bound=1.5, gamma="auto", nx=360, ny=120, algorithm="alm")).table
     known, largest = zone_ends(fine), fine.columns["pressure"].max()
     solution = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of=of)}))
     assert len(solution.levels) > 2
@@ -145,7 +151,7 @@ def test_meshes_divided_in_some_places(of):
 
 def test_loads_that_every_mesh_misses():
     """No difference between meshes shows it: it counts on each of them, also where the last one tells the error."""
-    levels = alone(example1(bound=1.5, gamma="auto", nx=120, ny=40, levels=3)).levels
+    levels = alone(example1(bound=1.5, gamma="auto", nx=60, ny=20, levels=3)).levels
     without = prices.convergence_table([replace(level, loads=0.0) for level in levels], 0.0)
     rows = prices.convergence_table([replace(level, loads=0.2) for level in levels], 0.0)
     assert without[1].peak < 0.01
@@ -153,13 +159,12 @@ def test_loads_that_every_mesh_misses():
     assert all(row.peak >= 0.2 for row in rows[1:3])
 
 
-def test_largest_pressure_where_cells_are_small_there_only():
+def test_largest_pressure_where_cells_are_small_there_only(fine):
     """An error that is asked for is met on meshes with few cells elsewhere."""
     scene = example1(bound=1.5, gamma="auto", nx=30, ny=10, cell="triangle")
-    fine = alone(example1(bound=1.5, gamma="auto", nx=360, ny=120, algorithm="alm")).table.columns["pressure"].max()
     solution = alone(scene.model_copy(update={"accuracy": Accuracy(target=0.02, of="peak", refinement="adaptive")}))
     assert solution.converged
-    assert abs(solution.table.columns["pressure"].max() / fine - 1) < 0.02
+    assert abs(solution.table.columns["pressure"].max() / fine.columns["pressure"].max() - 1) < 0.02
     assert solution.model.dofs < 9_000  # a twentieth
 
 
@@ -206,7 +211,8 @@ def test_equilibrium_leaves_no_error_of_the_force(nested):
     assert all(row.force < 1e-9 for row in nested[0].convergence_table[2:])
 
 
-@pytest.mark.parametrize(("zone", "force"), [(0.7, 1.2), (0.6, 3.4523), (0.7, 3.4523), (0.5, 2.4)])
+@pytest.mark.one_quick
+@pytest.mark.parametrize(("zone", "force"), [(0.6, 3.4523), (0.7, 1.2), (0.7, 3.4523), (0.5, 2.4)])
 def test_largest_pressure_from_few_nodes(zone, force):
     """Half a disk whose first meshes have one to four nodes in contact, of which one hits the top of the pressure by
     chance: the target is met, the estimate is not far below the error by a mesh of short curved facets, and a mesh with

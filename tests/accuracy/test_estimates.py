@@ -145,6 +145,7 @@ def test_a_pressure_without_bound_at_a_corner(power, count):
     assert 1 / 3 < np.sqrt(estimated(p) / missed) < 3
 
 
+@pytest.mark.slow
 def test_any_number_of_loads_and_supports():
     """Seventy equal loads, and the same support said seventy times, are one load and one support in every estimate."""
     one, many = block(x=3.0), block(x=3.0)

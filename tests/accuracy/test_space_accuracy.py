@@ -45,17 +45,17 @@ def hertz(cells, n):
 
 
 @pytest.mark.one_quick
+@pytest.mark.parametrize("n", [6, 10])
 @pytest.mark.parametrize("cells", ["hexahedra", "tetrahedra"])
-def test_pressure_of_hertz(cells):
+def test_pressure_of_hertz(cells, n):
     """With the margin not below 0.7 of the error against Hertz' pressure for the force, at the nodes."""
-    for n in (6, 10):
-        solved = MeshedScene(comm=MPI.COMM_SELF, history=History(), scene=hertz(cells, n)).solved(0, None, None)
-        force, c = 4 * solved.solution.contact.forces[0][2], table_of(solved.solution).columns
-        a = (3 * force * (1 - 0.3**2) / (4 * 1000.0)) ** (1 / 3)
-        square = np.maximum(1 - (c["x"] ** 2 + c["y"] ** 2) / a**2, 0.0)
-        exact = 3 * force / (2 * np.pi * a**2) * np.sqrt(square)
-        true = np.sqrt(c["weight"] @ (c["pressure"] - exact) ** 2 / (c["weight"] @ exact**2))
-        assert 0.7 * true < 2 * solved.level.pressure < 20 * true
+    solved = MeshedScene(comm=MPI.COMM_SELF, history=History(), scene=hertz(cells, n)).solved(0, None, None)
+    force, c = 4 * solved.solution.contact.forces[0][2], table_of(solved.solution).columns
+    a = (3 * force * (1 - 0.3**2) / (4 * 1000.0)) ** (1 / 3)
+    square = np.maximum(1 - (c["x"] ** 2 + c["y"] ** 2) / a**2, 0.0)
+    exact = 3 * force / (2 * np.pi * a**2) * np.sqrt(square)
+    true = np.sqrt(c["weight"] @ (c["pressure"] - exact) ** 2 / (c["weight"] @ exact**2))
+    assert 0.7 * true < 2 * solved.level.pressure < 20 * true
 
 
 SIDES = {"left": 1.0, "right": 1.0, "front": 3.0, "back": 3.0, "bottom": 3.0, "top": 3.0}
@@ -109,8 +109,8 @@ def test_asked_for(fine, cell, of, target):
     assert isinstance(solution.statement.origin["mesh"], TaggedMesh) == (cell == "tetrahedron")
 
 
-@pytest.mark.one_quick
-@pytest.mark.mpi(slow=True)
+@pytest.mark.slow
+@pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 def test_every_number_of_ranks_meets_it(cell):
     """All ranks together come to the estimates that one comes to; divided meshes differ a little."""
@@ -177,6 +177,7 @@ def roller(file, **goal):
     )
 
 
+@pytest.mark.slow
 def test_curved_bodies_from_files(tmp_path):
     """A drawing is meshed anew on its true shape and not divided; straight tetrahedra in its place are no way to it."""
     drawing, straight = tmp_path / "roller.geo", tmp_path / "roller.msh"

@@ -111,6 +111,7 @@ def test_cylinder_pressed_by_a_force(linear_algebra, cells, degree):
     assert raised.value.solution.status is Status.OPEN
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_squeezed_cylinder(cells, degree):

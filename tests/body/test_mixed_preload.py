@@ -14,6 +14,7 @@ COMM = MPI.COMM_WORLD
 MIXED = {"degree": 2, "volumetric": "mixed"}
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("cell", "poisson", "heat", "unit"),

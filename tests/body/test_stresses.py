@@ -269,6 +269,7 @@ def test_nearly_incompressible_cylinder(degree, cell):
     np.testing.assert_allclose(fine[2:], hoop, rtol={1: 0.18, 2: 0.03}[degree])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("degree", "cell"), KINDS)
 def test_uniform_stress(degree, cell):
     """A nearly incompressible block under uniform pressure has that stress everywhere; the estimate is nought."""

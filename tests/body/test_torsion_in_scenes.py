@@ -95,6 +95,7 @@ def by_forms(solution, torque, friction, algorithm):
 # --- without contact -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree", "how"), [("quadrilateral", 1, "full"), ("triangle", 2, "reduced")])
 def test_twisted_shaft(cells, degree, how):
@@ -126,7 +127,8 @@ def test_twisted_shaft(cells, degree, how):
     assert solution.stress.recovered.smallest("yz").value == pytest.approx(-largest, rel=1e-5)
 
 
-@pytest.mark.mpi(slow=True)
+@pytest.mark.slow
+@pytest.mark.mpi
 def test_everything_acts():
     """Every load and support with torsion: the certificate, which integrates all of it without UFL, agrees with the
     forms, and without z the result is that of the body without torsion.

@@ -204,7 +204,7 @@ class Pressed:
 
 
 @pytest.mark.one_quick
-@pytest.mark.mpi
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize(("friction", "dim"), [(None, 2), ("coulomb", 2), ("tresca", 2), ("coulomb", 3)])
 def test_constants_of_a_residual(friction, dim):
     pressed = Pressed(friction, dim)

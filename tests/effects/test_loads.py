@@ -27,6 +27,7 @@ def nodes(solution):
 # --- exact states ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
@@ -105,6 +106,7 @@ def test_rotation_about_any_axis_in_space(axis):
     assert solution.resultants.of("left").force == pytest.approx(-wanted, abs=1e-9 * np.abs(wanted).max())
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize(("cells", "degree"), ELEMENTS)
 def test_archimedes(cells, degree):

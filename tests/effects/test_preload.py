@@ -84,8 +84,9 @@ def bar(cell, degree=1, *, preload=None, volumetric="full", heat=0.0, **more):
     )
 
 
-@pytest.mark.parametrize("heat", [0.0, 4.0])
-@pytest.mark.parametrize(("cell", "degree"), [("quadrilateral", 1), ("quadrilateral", 2), ("tetrahedron", 2)])
+@pytest.mark.one_quick
+@pytest.mark.parametrize("heat", [4.0, 0.0])
+@pytest.mark.parametrize(("cell", "degree"), [("quadrilateral", 2), ("quadrilateral", 1), ("tetrahedron", 2)])
 def test_a_clamped_bar_has_one_stress_everywhere(cell, degree, heat):
     """Also in the cells beside the section, whose own displacement is not that of their nodes; heat lets it go."""
     solution = solve(bar(cell, degree, heat=heat))

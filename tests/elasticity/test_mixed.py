@@ -238,6 +238,7 @@ def in_a_pipe(count, cell="quadrilateral", comm=MPI.COMM_SELF, **solver):
     )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("cell", PLANE)
 def test_ring_in_a_pipe(cell):
     """u = c / r with c = gap times radius, p uniform, and the contact pressure p_i - 2 mu c (1 / a^2 - 1 / b^2)."""

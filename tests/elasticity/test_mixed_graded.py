@@ -13,6 +13,7 @@ MIXED = {"degree": 2, "volumetric": "mixed"}
 YOUNG, PRESSURE = 5000.0, 3.0
 
 
+@pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear_algebra", ["full", "condensed"])
 @pytest.mark.parametrize("cells", ["quadrilateral", "hexahedra"])

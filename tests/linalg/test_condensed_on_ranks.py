@@ -15,10 +15,10 @@ WORLD = MPI.COMM_WORLD
 
 LONG = {"nx": 320, "ny": 3, "linear_algebra": "condensed", "patch": "auto", "bound": 1.5}
 SCENES = {
-    "many nodes": example1(**LONG),
-    "degree 2": example1(**LONG | {"degree": 2, "nx": 160}),
     "without regularisation": example1(**LONG | {"nx": 60, "algorithm": "alm"}),
     "newton": example1(**LONG | {"nx": 60, "bound": None, "coefficient": 0.3, "coulomb": "newton"}),
+    "many nodes": example1(**LONG),
+    "degree 2": example1(**LONG | {"degree": 2, "nx": 160}),
 }
 
 

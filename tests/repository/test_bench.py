@@ -22,7 +22,7 @@ def test_the_linear_solves_agree():
 
 
 @needs_cholmod
-@pytest.mark.one_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("group", ["plane", "memory", "space", "growth"])
 def test_every_row_is_written(group, tmp_path):
     """A run on tiny meshes: every row is printed before, and has a value."""

@@ -26,7 +26,7 @@ from space_patches import (
 from spaces import friction_of, rotation
 
 each_element = pytest.mark.parametrize("element", ELEMENTS)
-each_turn = pytest.mark.parametrize("turn", ["upright", "turned"])
+each_turn = pytest.mark.parametrize("turn", ["turned", pytest.param("upright", marks=pytest.mark.slow)])
 
 
 LAWS = [{"bound": SHEAR / 0.9}, {"coefficient": SHEAR / 0.9 / PRESSURE}]

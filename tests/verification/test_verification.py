@@ -40,12 +40,14 @@ def test_file(rows):
             assert float(theirs[2]) == pytest.approx(row.reference, rel=0.2 * row.tolerance + digits)
 
 
-def test_a_wrong_number_is_missed(rows, monkeypatch, capsys):
+def test_a_wrong_number_is_missed(monkeypatch, capsys):
     """Beyond the tolerance, or no number at all."""
-    for row in rows:
-        step = (1.01 * row.tolerance or 1e-9) * (abs(row.reference) or 1.0)
-        for wrong in (row.reference + step, row.reference - step, float("nan")):
-            assert not replace(row, ours=wrong).holds
-    monkeypatch.setattr(verification, "BENCHMARKS", (lambda: [rows[0], replace(rows[0], ours=1.0)],))
+    row = verification.Row("a patch", "stress", "a formula", -2.5, -2.5, 1e-3)
+    for right in (row, replace(row, reference=0.0, ours=0.0)):
+        assert right.holds
+        step = 1.01 * right.tolerance * (abs(right.reference) or 1.0)
+        for wrong in (right.reference + step, right.reference - step, float("nan")):
+            assert not replace(right, ours=wrong).holds
+    monkeypatch.setattr(verification, "BENCHMARKS", (lambda: [row, replace(row, ours=1.0)],))
     assert verification.main() == 1
     assert capsys.readouterr().out.count(" missed") == 1
