@@ -71,7 +71,7 @@ class Rigid(RigidMotion):
     @property
     def driving(self) -> dict[str, Any]:
         """What drives it, as keys of a shape; without any of these it is free, and contacts alone move it."""
-        free = {} if self.drives else {"prescribed": {}}
+        free: dict[str, Any] = {} if self.drives else {"prescribed": {}}
         values = {key: getattr(self, key) for key in ("pivot", *RigidMotion.model_fields)}
         return {key: value for key, value in values.items() if value is not None} | free
 

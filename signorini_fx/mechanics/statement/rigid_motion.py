@@ -19,8 +19,11 @@ from signorini_fx.mechanics.statement.expressions import Expression, number
 from signorini_fx.mechanics.statement.values import NonNegative, TimedSampledValue, shown
 
 Array = npt.NDArray[np.float64]
-COMPONENTS = {2: ("x", "y", "rotation"), 3: ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")}
 Component = Literal["x", "y", "z", "rotation", "rotation_x", "rotation_y", "rotation_z"]
+COMPONENTS: dict[int, tuple[Component, ...]] = {
+    2: ("x", "y", "rotation"),
+    3: ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z"),
+}
 
 
 def _of_time(entry: Any) -> Any:
@@ -66,7 +69,7 @@ class RigidMotion(Table):
     prescribed: dict[Component, Timed] | None = None
     spring: dict[Component, NonNegative] | None = None
 
-    def prescribes(self, component: str) -> Any:
+    def prescribes(self, component: Component) -> Any:
         """What a component of its motion is; None: it is free."""
         return (self.prescribed or {}).get(component)
 
