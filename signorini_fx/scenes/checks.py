@@ -73,7 +73,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
         MeshError: the mesh cannot be read or generated.
         OptionsError: PETSc does not accept an option that the user has set.
     """
-    petsc_options.refuse_beforehand()
+    petsc_options.refuse_exchanged()
     if scene.statement.nonlinear:
         model, compared = _nonlinear(scene, comm), False
         findings = nonlinear_findings(model.statement, model)

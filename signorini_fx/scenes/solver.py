@@ -61,7 +61,7 @@ def solve(
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
-    petsc_options.refuse_beforehand()
+    petsc_options.refuse_exchanged()
     own_quantities()  # those of others are refused before hours of work
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")

@@ -61,7 +61,7 @@ def sweep(
     """
     scene = as_scene(scene)
     refuse_other_than_comm(comm)
-    petsc_options.refuse_beforehand()
+    petsc_options.refuse_exchanged()
     return _solutions([parse_scene(changed(scene, {path: value})) for value in values], comm)
 
 

@@ -164,7 +164,7 @@ def test_options_that_exchange_the_method(petsc, said):
     message = f"^PETSc option -sfx_{said}: it would take the place of the semi-smooth Newton method"
     petsc[petsc_options.PREFIX + name] = value or None
     with pytest.raises(OptionsError, match=message):
-        petsc_options.refuse_beforehand()
+        petsc_options.refuse_exchanged()
     with pytest.raises(OptionsError, match=message), options_applied("other_", {}):
         pass
     petsc.delValue(petsc_options.PREFIX + name)
@@ -172,7 +172,7 @@ def test_options_that_exchange_the_method(petsc, said):
         pass
     for other, kept in (("snes_type", "newtonls"), ("snes_lag_jacobian", "1"), ("snes_mf", "false")):
         petsc[petsc_options.PREFIX + other] = kept
-    petsc_options.refuse_beforehand()
+    petsc_options.refuse_exchanged()
 
 
 @pytest.mark.parametrize("place", ["command line", "environment"])

@@ -82,9 +82,8 @@ def test_one_that_does_nothing(register, kind):
 def test_exceptions_arrive(register):
     """What a solver raises ends the solve as itself."""
     register("raises", Raises)
-    with pytest.raises(ZeroDivisionError, match="not today") as error:
+    with pytest.raises(ZeroDivisionError, match="not today"):
         solve(example1(coefficient=0.3, nx=12, ny=4, linear_algebra="raises"))
-    assert error.value.__notes__ == ["The linear solver 'raises' raised this."]
 
 
 def test_names(register, tmp_path, monkeypatch):

@@ -38,19 +38,12 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
         return replace(data, bound=None)
     stick = everywhere
     if motions.held_by(~everywhere, everywhere):
-        touching = _touching_nodes(task, data)
+        # On a straight side that lies on a straight foundation all gaps are round-off, which chooses no nodes.
+        gap = np.abs(data.gap)
+        largest = parallel.largest(task.motions.points.comm, gap)
+        touching = np.asarray(gap <= max(task.coordinate_error, CERTIFICATE_TOLERANCE * largest))
         stick = touching if possible(touching) else everywhere
     return replace(data, bound=np.where(stick, np.inf, 0.0))
-
-
-def _touching_nodes(task: Task, data: RegularisedData) -> npt.NDArray[np.bool_]:
-    """The nodes without a gap where displacements are counted from, shape (n,); collective.
-
-    On a straight side that lies on a straight foundation all gaps are round-off, which chooses no nodes.
-    """
-    gap = np.abs(data.gap)
-    largest = parallel.largest(task.motions.points.comm, gap)
-    return np.asarray(gap <= max(task.coordinate_error, CERTIFICATE_TOLERANCE * largest))
 
 
 def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: Status) -> Status:

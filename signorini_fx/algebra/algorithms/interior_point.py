@@ -115,15 +115,6 @@ class _Inside:
         return _Inside(*(old + share * new for old, new in zip(vars(self).values(), vars(step).values(), strict=True)))
 
 
-@dataclass(frozen=True)
-class _InnerStep:
-    """A step between two points inside the bounds, a share of the way to the solution of the linear equations."""
-
-    begin: _Inside
-    end: _Inside
-    share: float
-
-
 class _Programme:
     """The interior-point method for one problem; the iterate is that of ``newton``."""
 
@@ -160,7 +151,7 @@ class _Programme:
             if newton.history.exhausted:
                 break
             step = self._advanced(at, exact=True)
-            at = None if step is None else step.end
+            at = None if step is None else step[0]
         return Status.MAX_ITERATIONS
 
     def sets(self) -> ActiveSets | None:
@@ -173,21 +164,21 @@ class _Programme:
         closed, slip = (np.zeros_like(self._one_sided) for _ in range(2))
         for _ in range(SLOWEST_STEPS):
             step = None if at is None else self._advanced(at, exact=False)
-            if step is None:
+            if at is None or step is None:
                 return None
-            at, closed_before, slip_before = step.end, closed, slip
-            closed, slip = self._indicated(step)
+            begin, (at, share) = at, step
+            closed_before, slip_before = closed, slip
+            closed, slip = self._indicated(begin, at)
             changed = self._number((closed != closed_before) | (slip != slip_before))
-            small = self._product(at) <= DECIDING_PRODUCT * first and step.share > DECIDED
+            small = self._product(at) <= DECIDING_PRODUCT * first and share > DECIDED
             if newton.history.exhausted or (small and changed <= 1):
                 break
         sets = _sets_of(newton, self._data)
         return replace(sets, contact=np.where(self._one_sided, closed, sets.contact))
 
-    def _indicated(self, step: _InnerStep) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    def _indicated(self, begin: _Inside, end: _Inside) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
         """The points in contact and those that slip, by the quotients of two iterates."""
-        begin, end, none = step.begin, step.end, np.zeros_like(step.begin.pressure)
-        one, rubs = self._one_sided, self._rubs
+        one, rubs, none = self._one_sided, self._rubs, np.zeros_like(begin.pressure)
         presses = np.divide(end.pressure, begin.pressure, out=none + 1.0, where=one)
         opens = np.divide(end.opening, begin.opening, out=none.copy(), where=one)
         slides = np.divide(end.rate, begin.rate, out=none.copy(), where=rubs)
@@ -233,8 +224,10 @@ class _Programme:
         products = np.where(self._one_sided, at.pressure * at.opening, 0.0) + at.rate * self._room(at.shear)
         return float(parallel.global_sum(self._comm, products.sum()))
 
-    def _advanced(self, at: _Inside, *, exact: bool) -> _InnerStep | None:
-        """A step by predictor and corrector; None if a linear solve fails; collective."""
+    def _advanced(self, at: _Inside, *, exact: bool) -> tuple[_Inside, float] | None:
+        """The point after a step by predictor and corrector, and the share of the way to the solution of the linear
+        equations that it goes; None if a linear solve fails; collective.
+        """
         x, room = self._newton.x, self._room(at.shear)
         blocks, none = self._blocks(at, room), np.zeros_like(room)
         ahead = self._direction(at, none, none, blocks, exact=exact)
@@ -252,7 +245,7 @@ class _Programme:
             return None
         share = min(1.0, 0.99 * self._way(at, step))  # of Mehrotra: nearly all of the way to the nearest bound
         x.axpy(share - 1.0, self._change)
-        return _InnerStep(at, at.moved(step, share), share)
+        return at.moved(step, share), share
 
     def _direction(
         self, at: _Inside, normal_target: Nodal, disc_target: Nodal, blocks: Nodal, *, exact: bool

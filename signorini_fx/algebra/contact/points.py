@@ -21,7 +21,7 @@ from signorini_fx.tuned import NO_FORCE, ROOT_OF_EPS, SAME_LENGTH, ZERO_IN_SOLUT
 
 def pushed(depth: Nodal, size: float) -> npt.NDArray[np.bool_]:
     """Where supports push the body of this size into its foundation, and not round-off, shape (n,); ``depth``: see
-    ``ContactPoints.held_inside``, length.
+    ``PointState.held_inside``, length.
     """
     return np.asarray(depth > SAME_LENGTH * size)
 
@@ -84,13 +84,6 @@ class ContactPoints:
         Supports decide alone about their distance, and would take whatever contact did there: it transmits no pressure.
         """
         return np.asarray(np.linalg.norm(self.movable[:, 0], axis=1) <= ROOT_OF_EPS)
-
-    def held_inside(self, overlap: Nodal, bilateral: npt.NDArray[np.bool_]) -> Nodal:
-        """How far immovable points lie inside the foundation by the overlap tau_N y - d, or, where contact cannot open,
-        off it too; zero at all others, length, shape (n,).
-        """
-        depth = np.where(bilateral, np.abs(overlap), np.maximum(overlap, 0.0))
-        return np.where(self.immovable, depth, 0.0)
 
     @cached_property
     def still(self) -> Nodal:

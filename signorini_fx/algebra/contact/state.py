@@ -56,8 +56,12 @@ class PointState:
 
     @property
     def held_inside(self) -> Nodal:
-        """Overlap of immovable points, never negative; zero at all others, length, shape (n,)."""
-        return self.points.held_inside(self.u_n - self.gap, self.bilateral)
+        """How far immovable points lie inside the foundation, or, where contact cannot open, off it too; zero at all
+        others, length, shape (n,).
+        """
+        overlap = self.u_n - self.gap
+        depth = np.where(self.bilateral, np.abs(overlap), np.maximum(overlap, 0.0))
+        return np.where(self.points.immovable, depth, 0.0)
 
     @cached_property
     def friction_work(self) -> float:

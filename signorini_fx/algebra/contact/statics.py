@@ -379,17 +379,6 @@ def squeezed(contact: Reactions, gap: Nodal) -> bool:
     return bool(np.linalg.norm(residual) <= NO_FORCE)
 
 
-def null_space(rows: Nodal, share: float = NO_FORCE) -> Nodal:
-    """Directions, one per column, perpendicular to all rows but for a share of them, round-off.
-
-    By singular values: the squares that the eigenvalues of a product are would be round-off below its own.
-    """
-    k = rows.shape[1]
-    _, values, directions = np.linalg.svd(np.linalg.qr(np.concatenate((rows, np.zeros((k, k)))), mode="r"))
-    null: Nodal = directions[values <= share * values[:1]].T
-    return null
-
-
 def largest_multiple(contact: Reactions, load: Nodal) -> float:
     """The largest multiple of a load, its work on the motions, not zero, that admissible tractions of one assembly
     balance; infinite beyond ``LARGEST_BALANCING_FORCE``. The motion that a larger multiple drives shows how much the

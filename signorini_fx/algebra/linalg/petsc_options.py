@@ -28,17 +28,12 @@ _WATCHING = ("monitor", "view", "converged_reason")
 def user_sets(*starts: str) -> bool:
     """Whether the user has set any option whose name begins with one of these (without prefix), monitors excepted."""
     names = [name.removeprefix(PREFIX) for name in PETSc.Options().getAll() if name.startswith(PREFIX)]
-    return any(name.startswith(starts) and not watches(name) for name in names)
+    return any(name.startswith(starts) and not any(word in name for word in _WATCHING) for name in names)
 
 
 def user_chooses_solver() -> bool:
     """Whether the user has set any option of the linear solvers and their matrices."""
     return user_sets("pc_", "ksp_", "mat_")
-
-
-def watches(name: str) -> bool:
-    """Whether an option of this name only shows something."""
-    return any(word in name for word in _WATCHING)
 
 
 @contextmanager
@@ -55,17 +50,15 @@ def defaults(values: Mapping[str, str]) -> Iterator[None]:
             options.delValue(name)
 
 
-def refuse_beforehand() -> None:
-    """Refuse options of the user that replace the method, see ``refuse_exchanged``."""
-    refuse_exchanged({name: value or "" for name, value in PETSc.Options(PREFIX).getAll().items()})
-
-
-def refuse_exchanged(user_options: Mapping[str, str]) -> None:
-    """Refuse options with which PETSc would not run the Newton method of this package; names are without the prefix.
+def refuse_exchanged(user_options: Mapping[str, str] | None = None) -> None:
+    """Refuse options with which PETSc would not run the Newton method of this package; names are without the prefix;
+    None: those that are set.
 
     Raises:
         OptionsError: one of them does so; the message names it.
     """
+    if user_options is None:
+        user_options = {name: value or "" for name, value in PETSc.Options(PREFIX).getAll().items()}
     for name, value in user_options.items():
         harmless = _EXCHANGING.get(name, () if name.startswith(_INNER_SOLVER) else None)
         if harmless is not None and value.lower() not in harmless:

@@ -8,8 +8,6 @@ digits.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Protocol
@@ -39,28 +37,16 @@ class _Preconditioner:
     """What PETSc calls for one KSP."""
 
     solver: LinearSolver
-    name: str
 
     @called_back
     def setUp(self, pc: PETSc.PC) -> None:  # PETSc calls it so
         """Give the solver the new matrix."""
-        with self._named():
-            self.solver.set_up(pc.getOperators()[1])
+        self.solver.set_up(pc.getOperators()[1])
 
     @called_back
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Let the solver solve."""
-        with self._named():
-            self.solver.solve(b, x)
-
-    @contextmanager
-    def _named(self) -> Iterator[None]:
-        """What it raises says by whom."""
-        try:
-            yield
-        except Exception as error:
-            error.add_note(f"The linear solver {self.name!r} raised this.")
-            raise
+        self.solver.solve(b, x)
 
 
 @called_back
@@ -73,22 +59,16 @@ def _judge(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
 
 @dataclass
 class UserSystem(AssembledSystem):
-    """All unknowns, and a linear solver of another package.
-
-    Attributes:
-        solver: makes one.
-        name: of the solver.
-    """
+    """All unknowns, and a linear solver of another package, which ``solver`` makes."""
 
     solver: type[LinearSolver] | None = None
-    name: str = ""
     _preconditioners: dict[int, _Preconditioner] = field(default_factory=dict)  # by the handles of their KSP
 
     @classmethod
     def named(cls, name: str, elasticity: Elasticity) -> UserSystem:
         """The system as it was assembled, with the solver of this name."""
         system = cls.of(elasticity)
-        system.solver, system.name = load(LINEAR_SOLVERS, name), name
+        system.solver = load(LINEAR_SOLVERS, name)
         return system
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
@@ -96,7 +76,7 @@ class UserSystem(AssembledSystem):
         ksp.setType(PETSc.KSP.Type.FGMRES)
         ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
         assert self.solver is not None
-        preconditioner = self._preconditioners[ksp.handle] = _Preconditioner(self.solver(), self.name)
+        preconditioner = self._preconditioners[ksp.handle] = _Preconditioner(self.solver())
         pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))

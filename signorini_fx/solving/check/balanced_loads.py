@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import null_space
 
-from signorini_fx.algebra.contact.statics import Reactions, escape, null_space, reactions, squeezed
+from signorini_fx.algebra.contact.statics import Reactions, escape, reactions, squeezed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.motion_names import names_of
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.contact_figures import load_on
+from signorini_fx.tuned import NO_FORCE
 
 _Rows = npt.NDArray[np.float64]
 
@@ -65,7 +67,8 @@ def _equilibrium_of(
         subject = motions.pieces.called(int(members[0])) if members.size == 1 else "bodies that may touch"
     tangential = np.zeros((0, free.shape[1])) if contact is None else contact.tangential[contact.friction]
     normal = np.zeros((0, free.shape[1])) if contact is None else contact.normal
-    loose = null_space(np.concatenate((normal, tangential.reshape(-1, free.shape[1]))))
+    resisting = np.concatenate((normal, tangential.reshape(-1, free.shape[1]), np.zeros((free.shape[1],) * 2)))
+    loose = null_space(np.linalg.qr(resisting, mode="r"), rcond=NO_FORCE)
     if loose.shape[1]:
         names = names_of(free @ loose, motions, members)
         who, advice = "the supports do not resist", "prescribe a displacement"
