@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
@@ -69,21 +68,17 @@ class FoundationData:
     """What one foundation says, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
 
     Attributes:
-        facets: owned, local numbers.
         shape: its direction and measure.
         law: of friction, with such values; None: there is none.
         gap: d, length; nan where no facet is.
         bilateral: whether the contact cannot open.
-        pair: both sides, where another body is the foundation; None: it is rigid.
         allowance: what the user gives of the gap of a pair, without what its sides say; None: all of it is given.
     """
 
-    facets: npt.NDArray[np.int32]
     shape: ShapeDistances
     law: FrictionLaw | None
     gap: Array
     bilateral: bool
-    pair: PairedSides | None = None
     allowance: Array | None = None
 
 
@@ -277,7 +272,8 @@ class Foundations:
         if measure is None:
             return None
         factor = self._values[number](measure, f"contact[{number}].measure", minimum=0.0)
-        return without_small(factor, self._space.mesh.comm)
+        largest = parallel.largest(self._space.mesh.comm, np.nan_to_num(factor))
+        return np.where(factor <= SAME_NUMBER * largest, 0.0, factor)  # round-off is zero
 
     def shapes(self) -> list[ShapeDistances]:
         """What decides about the points, as it is now.
@@ -448,8 +444,7 @@ class Foundations:
         contact_data = []
         for k, (contact, shape, law) in enumerate(zip(self._contact, shapes, self.friction(), strict=True)):
             gap, allowance = self._gap_of(k)
-            bilateral, pair = contact.bilateral or contact.bonded, self._pairs.get(k)
-            contact_data.append(FoundationData(self.facets[k], shape, law, gap, bilateral, pair, allowance))
+            contact_data.append(FoundationData(shape, law, gap, contact.bilateral or contact.bonded, allowance))
         return contact_data
 
     def problem(
@@ -545,11 +540,6 @@ def rigid_points(
     if shape.factor is not None:
         return replace(part, normal=_axial(part.normal, shape.factor[part.nodes] == 0))
     return part
-
-
-def without_small(factor: Array, comm: MPI.Comm) -> Array:
-    """Factors of a measure, of which those that are round-off of the largest one are zero; collective."""
-    return np.where(factor <= SAME_NUMBER * parallel.largest(comm, np.nan_to_num(factor)), 0.0, factor)
 
 
 def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:
