@@ -184,11 +184,11 @@ def test_time_is_a_list_of_factors(linear_algebra, tmp_path):
 
 HEAVY = {**SOFT, "density": 1.0}
 REFUSED = {
-    "no density": (SOFT, {"gravity": {"y": -1.0}}, r"material: has no density, which \[\[gravity\]\] needs"),
+    "no density": (SOFT, {"gravity": {"y": -1.0}}, r"material: has no density, which gravity needs"),
     "no density that rotates": (
         SOFT,
         {"rotation": {"speed": 1.0}},
-        r"material: has no density, which \[\[rotation\]\] needs",
+        r"material: has no density, which rotation needs",
     ),
     "negative density": ({**SOFT, "density": -1.0}, {}, r"material.*density.*must not be negative"),
     "no level": (SOFT, {"fluid": {"boundary": "left", "weight": 1.0}}, r"fluid.*level: is missing"),

@@ -66,7 +66,7 @@ def judged(solution, displacement=None, statement=None, **changes):
     for name, change in changes.items():
         tractions = replace(tractions, **{name: change(getattr(tractions, name).copy())})
     tagged = solution.model.tagged
-    of = {"law": solution.certificate.law, "pairs": solution.model.pairs}
+    of = {"law": solution.certificate.law}
     return certify(statement or solution.statement, tagged, moved, tractions, **of)
 
 
