@@ -67,8 +67,18 @@ def hold(
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all nodes that can, and let the next iterates
     # release.
-    everything = replace(following, contact=following.contact | unresisted_points)
-    return everything.sticking(unresisted_points & able), None, True
+    contact = following.contact | (unresisted_points & sets.contact)
+    everything = replace(following, contact=contact).sticking(unresisted_points & contact & able)
+    if holds(everything, data, motions):
+        return everything, None, True
+    if holds(sets, data, motions):
+        return sets, None, True
+    # Sets of a problem with another friction bound need not hold it either.
+    return (
+        replace(following, contact=following.contact | unresisted_points).sticking(unresisted_points & able),
+        None,
+        True,
+    )
 
 
 def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool:

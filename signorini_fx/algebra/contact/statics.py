@@ -239,6 +239,12 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
     columns, pressing = np.eye(target.size)[-1:], np.array([-1])
     passive: list[int] = []
     previous, stalled = np.inf, 0
+    proof: tuple[Nodal, list[int]] | None = None
+
+    def proves(motion: Nodal) -> bool:
+        gained = motion @ target[:-1] - most_work(contact, motion, size, unlimited=unlimited)
+        return bool(gained > NO_FORCE * np.linalg.norm(motion))
+
     for _ in range(_ROUNDS):
         passive, values, residual = combination(columns, target, passive)
         distance = float(np.linalg.norm(residual))
@@ -247,6 +253,8 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
         if distance <= NO_FORCE**1.5 or stalled > _PATIENCE or len(passive) > 4 * target.size:
             break
         previous = distance
+        if proves(residual[:-1]):
+            proof = residual[:-1], passive
         edges, lengths, node, bounded = contact.against(residual[:-1], size)
         rows = np.column_stack((edges / lengths[:, None], np.zeros(lengths.size)))
         if not unlimited:
@@ -260,8 +268,10 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
         columns, pressing = np.concatenate((columns, rows[steepest])), np.concatenate((pressing, node[steepest]))
     motion = residual[:-1]
     balanced = bool(distance <= NO_FORCE and values.sum() <= LARGEST_BALANCING_FORCE)
-    gained = motion @ target[:-1] - most_work(contact, motion, size, unlimited=unlimited)
-    unbalanced = not balanced and bool(gained > NO_FORCE * np.linalg.norm(motion))
+    # An earlier motion proves what a later one does not if round-off resists the latter by very large forces.
+    unbalanced = not balanced and (proves(motion) or proof is not None)
+    if unbalanced and not proves(motion) and proof is not None:
+        motion, passive = proof
     pressed = np.unique(pressing[passive])
     return NearestTractions(motion, pressed[pressed >= 0], balanced, unbalanced)
 
