@@ -61,6 +61,10 @@ FEWEST_CONDENSED_UNKNOWNS = 1_500
 # Memory is the limit: three dense matrices of this many unknowns take 0.6 GB.  Of as many each of several ranks has the
 # whole factor: with 3,900 it takes as long on two ranks as on one, and each solve twice as long.
 MOST_CONDENSED_UNKNOWNS = 5_000
+# Of a nonlinear body in 3D those contact points are condensed onto that are in contact, or nearer to their shapes
+# than this many times the largest motion to be expected.  The answers do not depend on it: where another one touches,
+# the tangent is condensed once more.  Source: docs/evidence/nonlinear_costs.csv, where no tangent had to be.
+RETAINED_REACH = 0.5
 # From this number of unknowns on a Krylov method with multigrid is taken in 3D; in 2D where the memory ends; the second
 # where the contact points are so few that the system can be condensed onto them.
 # Source: docs/evidence/linear_algebra_in_space.csv.

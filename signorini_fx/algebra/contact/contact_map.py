@@ -34,6 +34,8 @@ class ContactMap:
             with a rigid foundation, or no such unknowns are known, or a condensed system has no need of it.
         paired: whether points are those of two bodies, or of rigid ones that move, so that B takes differences of
             displacements.
+        elsewhere: relative displacements of points that have no unknowns here, zero at the others, length, shape (n,
+            d); None: there are none.
     """
 
     operator: PETSc.Mat
@@ -41,6 +43,7 @@ class ContactMap:
     fixed: npt.NDArray[np.bool_]
     lift: PETSc.Mat | None = None
     paired: bool = False
+    elsewhere: Nodal | None = None
 
     @classmethod
     def without_contact(cls, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_], dimension: int) -> ContactMap:
@@ -53,6 +56,8 @@ class ContactMap:
         """(tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""
         self.operator.mult(x, self._relative)
         relative = self._relative.getArray(readonly=True).reshape(-1, self.points.dimension)
+        if self.elsewhere is not None:
+            relative = relative + self.elsewhere
         return relative[:, 0].copy(), relative[:, 1:].copy()
 
     def add_forces(self, pressure: Nodal, shear: Nodal, force: PETSc.Vec) -> None:
@@ -78,6 +83,16 @@ class ContactMap:
         ]
         operator = self.operator.createSubMatrix(*sets)
         return replace(self, operator=operator, fixed=self.fixed[unknowns], lift=None)
+
+    def near(self, far: npt.NDArray[np.bool_], x: PETSc.Vec) -> ContactMap:
+        """The map without the rows of points that are ``far``, which stay where ``x`` tells; one rank."""
+        dim, (starts, columns, values) = self.points.dimension, self.operator.getValuesCSR()
+        kept_entries = np.repeat(np.repeat(~far, dim), np.diff(starts))
+        ends = np.concatenate(([0], np.cumsum(kept_entries)))[starts].astype(PETSc.IntType)
+        csr = (ends, columns[kept_entries], values[kept_entries])
+        operator = PETSc.Mat().createAIJ(self.operator.getSizes(), csr=csr, comm=self.operator.comm)
+        elsewhere = np.where(far[:, None], np.column_stack(self.traces(x)), 0.0)
+        return replace(self, operator=operator, elsewhere=elsewhere)
 
     def law(self, blocks: Nodal, into: PETSc.Mat | None = None) -> PETSc.Mat:
         """The matrix with a block of shape (d, d) for each point on its diagonal; ``into``: an earlier one, which is

@@ -4,6 +4,10 @@ The elastic operator never changes, and the nonlinearity is confined to the cont
 eliminated once; all Newton steps of all outer iterations, load steps and values of gamma use the dense matrix, and the
 interior is recovered at the end with the same factor.  The interior matrix is regular for a floating body too.
 
+Contact points that are far from touching need not be reached: their unknowns are eliminated, too.  Such points stay
+where they are while the problem is solved; ``find_far_points`` computes where the solution moves them, and whoever has
+called them far has to find out whether they touch there.
+
 Several ranks eliminate what is their own, see ``schur``.  Each has the rows of the dense matrix whose unknowns
 it owns, as contact points are where their unknowns are; what is dense is so small that every rank does all of it.
 """
@@ -32,6 +36,7 @@ class CondensedSystem(ElasticSystem):
     cases: list[_CondensedCase]
     schur: SchurComplement
     factors: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    recovered: tuple[npt.NDArray[np.float64], PETSc.Vec] | None = None  # x of this rank, and its displacement
 
     @classmethod
     def of(cls, elasticity: Elasticity) -> CondensedSystem:
@@ -42,7 +47,8 @@ class CondensedSystem(ElasticSystem):
         """
         e = elasticity
         first, last = e.matrix.getOwnershipRange()
-        touched = np.unique(parallel.gather_rows(e.comm, np.unique(e.contact.operator.getValuesCSR()[1])))
+        reaching = e.contact if e.far is None else e.contact.near(e.far.points, e.far.at)
+        touched = np.unique(parallel.gather_rows(e.comm, np.unique(reaching.operator.getValuesCSR()[1])))
         retained = touched[(first <= touched) & (touched < last)] - first
         schur = e.eliminated
         if schur is None or parallel.any_rank(e.comm, not np.array_equal(schur.retained, retained)):
@@ -51,7 +57,7 @@ class CondensedSystem(ElasticSystem):
             condensed = list(zip(schur.loads, schur.between, strict=True))
         else:
             condensed = [schur.condense(case.load) for case in e.cases]
-        contact = e.contact.among(retained)
+        contact = reaching.among(retained)
         before = parallel.rows_before(e.comm, retained.size)
         columns = np.ascontiguousarray(schur.dense[:, before : before + retained.size])
         sizes = (retained.size, None)
@@ -82,9 +88,18 @@ class CondensedSystem(ElasticSystem):
         start = np.array(case.start.getArray(readonly=True)[self.schur.retained])
         return _CondensedCase(case, load[slice(*self.matrix.getOwnershipRange())], start, between)
 
+    def find_far_points(self, x: PETSc.Vec) -> None:
+        """Compute where the points are that no unknown reaches: one back substitution."""
+        far, elsewhere = self.elasticity.far, self.contact.elsewhere
+        if far is not None and elsewhere is not None:
+            displacement = self.displacement(x)
+            relative = np.column_stack(self.elasticity.contact.traces(displacement))
+            elsewhere[far.points] = relative[far.points]
+            self.recovered = np.array(x.getArray(readonly=True)), displacement
+
     def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """The condensed loads and the prescribed displacements times their factors."""
-        self.factors = factors
+        self.factors, self.recovered = factors, None
         self.resultant = self.elasticity.resultant([case.case for case in self.cases], factors)
         shape = (len(self.cases), self.contact.fixed.size)
         self.load.getArray()[:] = factors @ np.reshape([case.load for case in self.cases], shape)
@@ -92,19 +107,21 @@ class CondensedSystem(ElasticSystem):
 
     def set_case(self, number: int, case: LoadCase) -> None:
         """Condense another right-hand side: one back substitution."""
-        self.cases[number] = self._condensed(case, *self.schur.condense(case.load))
+        self.cases[number], self.recovered = self._condensed(case, *self.schur.condense(case.load)), None
 
     def with_load(self, load: PETSc.Vec) -> CondensedSystem:
         """The same with this load alone, condensed: one back substitution."""
         system, case = copy(self), replace(self.cases[0].case, load=load, start=load.duplicate())
         system.cases = [self._condensed(case, *self.schur.condense(load))]
-        system.factors, system.load = np.ones(1), self.load.duplicate()
+        system.factors, system.load, system.recovered = np.ones(1), self.load.duplicate(), None
         system.load.getArray()[:] = system.cases[0].load
         return system
 
     def displacement(self, x: PETSc.Vec) -> PETSc.Vec:
         """The interior recovered: x_i = A_ii^-1 (b_i - A_ic x_c)."""
         values = np.asarray(x.getArray(readonly=True))
+        if self.recovered is not None and np.array_equal(values, self.recovered[0]):
+            return self.recovered[1].copy()
         load = self.schur.matrix.createVecRight()
         load.set(0.0)
         for factor, case in zip(self.factors, self.cases, strict=True):

@@ -61,6 +61,19 @@ class Level(Protocol):
 
 
 @dataclass(frozen=True)
+class FarPoints:
+    """Contact points of the one rank that are not expected to touch.
+
+    Attributes:
+        points: which of them, shape (n,).
+        at: unknowns that tell where they are, as long as no others are known.
+    """
+
+    points: npt.NDArray[np.bool_]
+    at: PETSc.Vec
+
+
+@dataclass(frozen=True)
 class Elasticity:
     """An elastic body without contact, and where contact is.
 
@@ -74,6 +87,7 @@ class Elasticity:
             Schur complement on the unknowns of contact is positive semi-definite.
         rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last rank.
         symmetric: whether the matrix is; else it is not definite, and only a full system takes it.
+        far: points that a condensed system need not reach; None: there are none.
         eliminated: what an earlier condensed system has made of the same matrix; None: there is none.
     """
 
@@ -85,6 +99,7 @@ class Elasticity:
     definite: bool = True
     rigid: int = 0
     symmetric: bool = True
+    far: FarPoints | None = None
     eliminated: SchurComplement | None = None
 
     @property

@@ -47,6 +47,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
 from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools
 from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
+from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.solver import FormSolver, StepBeginning, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
@@ -201,6 +202,7 @@ class LinearisedProblem(FormSolver):
     residual: Array | None = None
     several = False
     bodies: tuple[str, ...] = ()
+    _retained: RetainedPoints
     _keeps = False  # whether the next solve keeps the stiffness of the last one
     _round_off: float | None = None  # see ``_lost``, of the present load
     _foundations_class = MovingFoundations
@@ -232,6 +234,7 @@ class LinearisedProblem(FormSolver):
             (petsc_options_prefix, petsc_options),
         )
         self._evaluated, mesh = evaluated, at.function_space.mesh
+        self._retained = RetainedPoints(at)
         dim = mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative: Array | None = None  # see ``MovingTools.relative_stiffness``
@@ -290,6 +293,11 @@ class LinearisedProblem(FormSolver):
     def pairs(self) -> Mapping[int, MovingPair]:
         """The sides that slide on each other by the numbers of their contacts, once a solve has begun."""
         return self.foundations.sliding
+
+    @property
+    def _one_body(self) -> bool:
+        """Whether no contact is one of two bodies."""
+        return all(entry.against is None for entry in self.contact)
 
     @property
     def reached(self) -> Array:
@@ -391,6 +399,8 @@ class LinearisedProblem(FormSolver):
                 beside["eliminated"] = self.task.system.schur
         if self.relative is not None and len(self.relative) == boundary.size:
             beside["relative"] = self.relative
+        if self._one_body and definite:
+            beside["far"] = self._retained.far_points(boundary, self._state, self.shapes, self.prescribed)
         try:
             points = boundary if self.contact else None
             return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, settings, **beside)
@@ -473,6 +483,7 @@ class LinearisedProblem(FormSolver):
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it."""
         self.definite, self._round_off = True, None
+        self._retained.begin_anew()
 
     @property
     def can_keep_stiffness(self) -> bool:
@@ -524,6 +535,22 @@ class LinearisedProblem(FormSolver):
         self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
         if why := self.attempt():
             raise ConvergenceError(self, why)
+
+    def attempt(self) -> str:
+        self._retained.all = False
+        try:
+            return super().attempt()
+        finally:
+            self._retained.all = True
+
+    def _outcome_of_now(self) -> Outcome:
+        """Once more with more points if one has touched that was taken to be far."""
+        outcome = super()._outcome_of_now()
+        if not self._retained.suffice(self.elastic.far, self.begun, outcome):
+            self._last_pattern = None
+            self.begun = self.begin_step()
+            outcome = super()._outcome_of_now()
+        return outcome
 
     def leave_open(self, status: Status) -> None:
         """Make the displacement of now, without any contact, the last result, of a solve with this end; collective."""

@@ -25,7 +25,7 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.reference_motion import ReferenceMotion
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_options, row_by_row
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
-from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCase
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.algebra.method import Settings
 from signorini_fx.machine import parallel
@@ -81,6 +81,8 @@ class ElasticBody:
             nothing.
         definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
         symmetric: whether a(., .) is symmetric; else it is not definite.
+        far: which contact points are not expected to touch, shape (n,), and a displacement that tells where they are;
+            None: any of them may.
         eliminated: what a condensed system with another boundary has made of the same stiffness; None: there is none.
         of_body, of_contact, of_mesh: results that depend on everything above but ``boundary``, on that too, and on the
             mesh and ``space`` alone.
@@ -102,6 +104,7 @@ class ElasticBody:
     relative: Array | None = None
     definite: bool = True
     symmetric: bool = True
+    far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
     eliminated: SchurComplement | None = field(default=None, repr=False, compare=False)
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -321,8 +324,11 @@ class ElasticBody:
         free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
         definite = self.definite and not self.elastic.pressed
+        far = None if self.far is None or free else FarPoints(self.far[0], self.unknowns(self.far[1]))
         symmetric, eliminated = self.symmetric, self.eliminated
-        return Elasticity(*of, definite=definite, rigid=self._rigid, symmetric=symmetric, eliminated=eliminated)
+        return Elasticity(
+            *of, definite=definite, rigid=self._rigid, symmetric=symmetric, far=far, eliminated=eliminated
+        )
 
     def case(
         self,
