@@ -281,8 +281,9 @@ def tool_in_words(tool: dict[str, Any]) -> tuple[str, str]:
     """How a foundation that forces move has moved, and what the body does to it, from a row of a summary."""
     names = ("displacement", "rotation", "force", "moment", "reference")
     moved, turned, force, moment, point = (figure(tool[name]) for name in names)
+    off = "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
     name = tool["boundary"]
-    return f"{name}: moved by {moved}, turned by {turned}", f"{name}: takes {force}, about {point} {moment}"
+    return f"{name}: moved by {moved}, turned by {turned}{off}", f"{name}: takes {force}, about {point} {moment}"
 
 
 @dataclass(frozen=True)

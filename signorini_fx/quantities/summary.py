@@ -152,6 +152,10 @@ class Tool(Row):
     rotation: Number | Vector = described("Radians; in 3D a vector.")
     force: Vector = described("Of the body on the tool.")
     moment: Number | Vector = described("About that point; in 3D a vector.")
+    gap_error: Number = described(
+        "By how much the gap where the tool ends up differs at most from the linearised one, where it presses, length; "
+        "null for bonded boundaries, and for nonlinear bodies, whose gap is that of the place where the tool is."
+    )
 
 
 class SectionForce(Row):

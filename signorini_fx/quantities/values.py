@@ -44,7 +44,7 @@ def _of_contact(solution: Any) -> dict[str, Any]:
         "contact_moment": _plain(contact.moments[0]) if solid else None,
         "friction_moment": _plain(contact.moments[1]) if solid else None,
         "contact_boundaries": [figures.model_dump() for figures in solution.contact_figures] or None,
-        "tools": [motion.as_dict(contact, kinematics) for motion in tools] or None,
+        "tools": [motion.as_dict(contact, solution.statement.contact, kinematics) for motion in tools] or None,
     }
 
 

@@ -24,7 +24,10 @@ def rectangle(name, length, height, nx, ny, **place):
 
 def rows(solution):
     """The rows of rigid bodies in the summary."""
-    return [tool.as_dict(solution.contact, solution.model.kinematics) for tool in solution.last_step.tools]
+    return [
+        tool.as_dict(solution.contact, solution.statement.contact, solution.model.kinematics)
+        for tool in solution.last_step.tools
+    ]
 
 
 def sums(solution):

@@ -135,7 +135,7 @@ WAYS = [
 def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, algebra, element):
     forced = solve(block(dimension, law, algebra, **element, **pressed(dimension, law)))
     (tool,) = forced.last_step.tools
-    row = tool.as_dict(forced.contact, forced.model.kinematics)
+    row = tool.as_dict(forced.contact, forced.statement.contact, forced.model.kinematics)
     given = np.array(pressed(dimension, law)["force"])
     free = np.arange(dimension) if law != "none" else [dimension - 1]
     assert np.abs(np.array(row["force"]) + given)[free].max() < 1e-9 * np.abs(given).max()
@@ -164,7 +164,7 @@ def test_an_incompressible_body_under_a_tool(dimension, algebra, poisson):
     given = pressed(dimension, "coulomb")
     forced = solve(made(**given))
     (tool,) = forced.last_step.tools
-    row = tool.as_dict(forced.contact, forced.model.kinematics)
+    row = tool.as_dict(forced.contact, forced.statement.contact, forced.model.kinematics)
     assert np.allclose(row["force"], -np.array(given["force"]), atol=1e-9 * 20.0)
     assert forced.certificate.worst < 1e-9
     driven = solve(made(**prescribed(tool)))
@@ -329,9 +329,10 @@ def test_rigid_coupling_bends_a_column_as_a_beam(algebra):
     solution = solve(scene)
     (moved,) = solution.last_step.tools
     turned = -pull * height / (young * (2 * half) ** 3 / 12)
-    row = moved.as_dict(solution.contact, solution.model.kinematics)
+    row = moved.as_dict(solution.contact, scene.contact, solution.model.kinematics)
     # What the body does to the rigid body balances what drives it.
     assert np.allclose([*row["force"], row["moment"]], [0.0, -push, -pull], atol=1e-9)
+    assert row["gap_error"] is None  # there is no gap
     assert np.isclose(moved.rotation[0], -turned, rtol=1e-8)
     assert np.allclose(moved.translation, [height / 2 * turned, push * height / young], rtol=1e-8)
     x = solution.contact.boundary.x

@@ -20,9 +20,10 @@ r + w x a; the symmetric part of that is, for (r, w),
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,7 @@ from dolfinx import fem
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape, across_arms, rigid_motion
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
 
 Array = npt.NDArray[np.float64]
@@ -55,6 +57,10 @@ class ToolMotion(RigidBodyMotion):
 
     def at(self, x: Array) -> Array:
         return rigid_motion(x, self.translation, self.rotation, self.reference)
+
+    def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
+        """Its gap is not linearised."""
+        return super().as_dict(contact, contacts, kinematics) | {"gap_error": None}
 
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> Array:
         """Arms of the displaced points, from their displacement relative to the tool, r = X + a - c - psi x a."""

@@ -21,13 +21,14 @@ certificate's opinion on their balance.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
+from scipy.spatial.transform import Rotation
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
@@ -181,6 +182,30 @@ class RigidBodyMotion:
             return self.translation + self.rotation * np.column_stack((-arm[:, 1], arm[:, 0]))
         return np.asarray(self.translation + np.cross(self.rotation, arm))
 
+    def gap_error(self, contact: ContactState, shapes: Mapping[int, Any]) -> float:
+        """By how much the gap of the rigid body where it ends up differs at most from the linearised one, where it
+        presses, length; collective.
+
+        Args:
+            contact: the state at the contact points.
+            shapes: where the rigid body is given, for the places of its contacts, each with a method ``distance`` as
+                ``Shape`` has it.
+        """
+        if not np.isfinite(self.translation).all():
+            return np.nan
+        boundary, dim = contact.boundary, self.reference.size
+        about = np.zeros(3)
+        about[-self.rotation.size :] = self.rotation  # in 2D about the last axis
+        turn = np.asarray(Rotation.from_rotvec(about).as_matrix())[:dim, :dim]
+        off = [np.zeros(0)]
+        for part, shape in shapes.items():
+            x = boundary.centre[(boundary.part == part) & (contact.pressure > 0)]
+            if x.size:
+                gap, normal = shape.distance(x)
+                moved, _ = shape.distance((x - self.reference - self.translation) @ turn + self.reference)
+                off.append(np.abs(moved - gap + np.sum(normal * self.at(x), axis=1)))
+        return parallel.largest(boundary.comm, np.concatenate(off))
+
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> _Floats:
         """From its pivot to some of the contact points, length, shape (m, d)."""
         return np.asarray(contact.boundary.centre[touching] - self.reference)
@@ -189,11 +214,12 @@ class RigidBodyMotion:
         """From its pivot to points at x that have been displaced, length, shapes (n, d): where they were."""
         return np.asarray(x - self.reference)
 
-    def as_dict(self, contact: ContactState, kinematics: Kinematics) -> dict[str, Any]:
-        """A row of the summary: its motion, and the force and moment of the body on it; collective.
+    def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
+        """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.
 
         Args:
             contact: the state at the contact points.
+            contacts: those of the scene.
             kinematics: of the body, by which some forces and moments cancel.
         """
         from signorini_fx.machine.display import clean
@@ -214,6 +240,7 @@ class RigidBodyMotion:
         moved, turned = (
             clean(vectors.tolist(), float(np.abs(vectors).max())) for vectors in (self.translation, self.rotation)
         )
+        shapes = {part: contacts[part].surface for part in self.body.parts if contacts[part].surface is not None}
         return {
             "boundary": self.body.name,
             "reference": self.reference.tolist(),
@@ -221,6 +248,7 @@ class RigidBodyMotion:
             "rotation": turned if dim == 3 else turned[0],
             "force": clean(total[:dim].tolist(), float(size[:dim].max())),
             "moment": moment if dim == 3 else moment[0],
+            "gap_error": self.gap_error(contact, shapes) if shapes else None,
         }
 
     def unbalanced(self, drive: Drive, resultant: tuple[_Floats, float, float], least: float = 0.0) -> float:
