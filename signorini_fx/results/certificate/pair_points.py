@@ -178,7 +178,7 @@ def _identities(
 
 
 def _met_most(master: Any, sides: FacingSides, of_node: Numbers) -> Numbers:
-    """See ``PairPoints.on_other_side``; ``master``: M, sparse, shape (n, nodes of the master)."""
+    """Numbers of the nodes that points meet most, shape (n,); ``master``: M, sparse, shape (n, nodes of the master)."""
     numbers = from_owners(of_node[:, None].astype(np.float64), sides.master.nodes, sides.space.mesh.comm)[:, 0]
     shares = abs(master).tocsr()
     opposite = np.full(shares.shape[0], -1, dtype=np.int64)
