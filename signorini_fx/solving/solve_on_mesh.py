@@ -17,7 +17,9 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.body.discretisation import discretise, moved_since, placed
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -293,4 +295,47 @@ def on_moved_foundations(
     if task.rest is not None:  # contact alone holds the body, which comes to rest elsewhere with another gap
         begun = replace(begun, data=replace(begun.data, slip_origin=begun.data.slip_origin - task.rest.u_t))
     drift = moved_since(moved, earlier.statement)
-    return end.begins_on(moved.boundary, task.start.data, moved.law, drift, start=begun)
+    begun, before = end.begins_on(moved.boundary, task.start.data, moved.law, drift, start=begun)
+    change = _seen_otherwise(earlier.boundary, moved.boundary, before.displacement)
+    if change is None or begun.multipliers is None:
+        return begun, before
+    tangents = moved.boundary.tangents
+    data = replace(begun.data, slip_origin=begun.data.slip_origin + np.einsum("nij,ni->nj", tangents, change))
+    across = np.zeros((moved.boundary.size, tangents.shape[1], tangents.shape[1]))
+    for number, pair in moved.pairs.items():
+        across[moved.boundary.part == number] = pair.across
+    if not parallel.any_rank(moved.boundary.comm, bool(across.any())):
+        return replace(begun, data=data), before
+
+    def without_across(vectors: Nodal | None) -> Any:  # of shears along the tangents, or in 3D
+        if vectors is None:
+            return None
+        inner = across if vectors.shape[1] == across.shape[1] else tangents.swapaxes(1, 2) @ across @ tangents
+        return vectors - np.einsum("nij,nj->ni", inner, vectors)
+
+    pressure, shear = begun.multipliers
+    begun = replace(
+        begun,
+        data=replace(data, mu_hat=without_across(data.mu_hat)),
+        multipliers=(pressure, without_across(shear)),
+        elastic_slip=without_across(begun.elastic_slip),
+    )
+    tractions = replace(before.tractions, shear=without_across(before.tractions.shear))
+    return begun, replace(before, tractions=tractions, elastic_slip=without_across(before.elastic_slip))
+
+
+def _seen_otherwise(earlier: ContactBoundary, now: ContactBoundary, displacement: fem.Function) -> Nodal | None:
+    """What the relative displacement at the points of two bodies is now more than it was for the same displacement,
+    shape (n, d): a support that holds from now on, or does no longer, changes across which planes of symmetry there is
+    none; None: points see what they have seen; collective.
+    """
+    if earlier.averages is None or now.averages is None:
+        return None
+    space = displacement.function_space
+    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
+    y = displacement.x.array.reshape(-1, dim)[:owned]
+    seen = [
+        (averages.operator @ from_owners(y, averages.nodes, now.comm).ravel()).reshape(-1, dim)
+        for averages in (earlier.averages, now.averages)
+    ]
+    return np.asarray(seen[1] - seen[0])
