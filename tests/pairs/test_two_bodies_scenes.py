@@ -118,3 +118,32 @@ def test_where_points_are(changes, side):
     found = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).statement.contact[0]
     assert found.boundary == side
     assert found.against == {"upper": "lower", "lower": "upper"}[side]
+
+
+@pytest.mark.parametrize("holds", [[False, True], [True, False]])
+def test_a_plane_of_symmetry_that_comes_or_goes(holds):
+    """The slip of points on it counts from where both bodies were; points on either side give one answer."""
+
+    def body(name, height, cells):
+        sizes = {"length": 1.0, "height": 0.5, "nx": cells, "ny": 3}
+        return {"name": name, "shift": [0.0, height], "mesh": {"generator": "rectangle", "parameters": sizes}}
+
+    def forces(boundary, against):
+        contact = {"boundary": boundary, "against": against, "friction": {"law": "coulomb", "coefficient": 0.4}}
+        found = solve(parse_scene(scene | {"contact": contact}))
+        return np.abs(found.contact.forces)[[0, 1], [1, 0]]
+
+    scene = {
+        "title": "a support of one load step",
+        "body": [body("lower", 0.0, 6), body("upper", 0.5, 5)],
+        "material": {"young": 100.0, "poisson": 0.3},
+        "displacement": [
+            {"boundary": "lower.bottom", "x": 0.0, "y": 0.0},
+            *({"boundary": f"{name}.left", "x": 0.0, "holds": holds} for name in ("lower", "upper")),
+            {"boundary": "upper.top", "y": -0.01, "factors": [0.5, 1.0]},
+            {"boundary": "upper.right", "x": 0.004, "factors": [1.0, 1.0]},
+        ],
+    }
+    normal, friction = np.transpose([forces("lower.top", "upper.bottom"), forces("upper.bottom", "lower.top")])
+    assert normal[0] == pytest.approx(normal[1], rel=1e-3)
+    assert friction[0] == pytest.approx(friction[1], rel=0.05)
