@@ -10,12 +10,13 @@ import ufl
 from dolfinx import default_scalar_type, fem, jit
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from petsc4py import PETSc
 from ranks import same_on_all_ranks
 from scenes import example1, same_answer
 from spaces import LAWS, block, box
 from two_bodies import paraboloids
 
-from signorini_fx.algebra.linalg import blocks, kernels, krylov
+from signorini_fx.algebra.linalg import blocks, callbacks, factorisation, kernels, krylov
 from signorini_fx.errors import MachineError
 from signorini_fx.mechanics.assembly import block_stiffness
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
@@ -155,3 +156,39 @@ def test_without_a_compiler(monkeypatch):
     monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", 0)
     with pytest.raises(MachineError, match="there is no C compiler"):
         solve(block(6, bound=1.5, linear_algebra="krylov"), MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("regular", [True, False])
+def test_a_factor_of_blocks(symmetric, regular):
+    """Solves as a factor of the sparse matrix, and a singular one fails for the same reason."""
+    ours, theirs, _space = two_matrices(3, MPI.COMM_SELF)
+    added = theirs.duplicate()
+    added.setDiagonal(theirs.getDiagonal())
+    if not regular:
+        added.zeroEntries()
+        added.axpy(-1.0, theirs)  # A + C = 0
+    tangent = blocks.with_added(ours, added)
+    results = []
+    for matrix in (tangent, blocks.by_entries(tangent)):
+        ksp = PETSc.KSP().create(MPI.COMM_SELF)
+        ksp.setOperators(matrix)
+        if matrix is tangent:
+            ksp.setType(PETSc.KSP.Type.PREONLY)
+            blocks.use_entries(ksp.getPC(), lambda pc: factorisation.use_factor(pc, symmetric=symmetric))
+        else:
+            factorisation.use_factorisation(ksp, symmetric=symmetric)
+        x, right = matrix.createVecs()
+        right.set(1.0)
+        try:
+            callbacks.solve(ksp.solve, right, x)
+            results.append((ksp.getConvergedReason(), ksp.getPC().getFailedReason(), x.array.copy()))
+        except PETSc.Error as error:
+            results.append((error.ierr, None, None))
+    (*reasons, solution), (*wanted, reference) = results
+    assert reasons == wanted
+    if regular:
+        assert reasons[0] > 0
+        np.testing.assert_allclose(solution, reference, rtol=0, atol=1e-13 * np.abs(reference).max())
+    else:
+        assert reasons[1] is None or reasons[1] != PETSc.PC.FailedReason.NOERROR

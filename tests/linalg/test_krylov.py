@@ -1,5 +1,7 @@
 """A Krylov method with multigrid gives the answers of a factorisation, for the price of about one linear solve."""
 
+from itertools import groupby
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -11,7 +13,7 @@ from spaces import LAWS, block, friction_of, pushed_brick
 from signorini_fx.algebra.linalg import choice, factorisation, krylov, multigrid
 from signorini_fx.mechanics.body.discretisation import discretise
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.records import History, Timings
+from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.mesh_sequence import MeshedScene
@@ -180,6 +182,37 @@ def test_options_of_the_user_win(options, method, kind, steps):
     same_answer(solution, reference, share=1e-7)
     if "ksp_rtol" in options:  # no solve is loose
         assert min(count for *_, count in steps) >= 8
+
+
+@pytest.mark.parametrize(("coulomb", "kind"), [("fp", PETSc.KSP.Type.CG), ("newton", PETSc.KSP.Type.FGMRES)])
+@pytest.mark.parametrize("enough", [True, False])
+def test_what_fails_is_factorised(coulomb, kind, enough, monkeypatch):
+    """A Krylov method that fails is replaced for the rest of the load step, if the memory is large enough."""
+    usual, used = krylov.KrylovSystem.keep_factor, []
+
+    def keep(self, ksp, *arguments, **how):
+        kept = usual(self, ksp, *arguments, **how)
+        if ksp.getType() in (kind, PETSc.KSP.Type.PREONLY):
+            used.append(ksp.getType())
+        ksp.setTolerances(max_it=1 if used == [kind, kind] else krylov.KRYLOV_STEPS)
+        return kept
+
+    def two_steps(linear_algebra):
+        scene = block(6, coefficient=0.3, coulomb=coulomb, linear_algebra=linear_algebra, fallbacks=False)
+        loads = tuple(load.model_copy(update={"factors": (1.0, 1.2)}) for load in scene.traction)
+        return scene.model_copy(update={"traction": loads})
+
+    monkeypatch.setattr(krylov.KrylovSystem, "keep_factor", keep)
+    monkeypatch.setattr(krylov, "enough_memory", lambda comm, needed: enough)
+    found = solve(two_steps("krylov"), MPI.COMM_SELF, check=False)
+    if not enough:
+        assert found.status is Status.LINEAR_SOLVER
+        return
+    assert "linear solver failed: the matrix is factorised" in found.history.events
+    kinds = [name for name, _ in groupby(used)]
+    assert kinds == [kind, PETSc.KSP.Type.PREONLY, kind]
+    assert len(found.history.outer) > 2
+    same_answer(found, alone(two_steps("full")))
 
 
 def test_chosen_for_large_bodies_in_space(monkeypatch):

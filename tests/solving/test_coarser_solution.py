@@ -22,7 +22,7 @@ ANYTHING = Accuracy(target=1e-6, refinement="uniform")
 
 
 def krylov_fails(monkeypatch):
-    """Two steps of a Krylov method on finer meshes."""
+    """Two steps of a Krylov method on finer meshes, and no memory for a factor."""
     kept = krylov.KrylovSystem.keep_factor
 
     def keep(self, ksp, *args, **how):
@@ -32,6 +32,7 @@ def krylov_fails(monkeypatch):
         return result
 
     monkeypatch.setattr(krylov.KrylovSystem, "keep_factor", keep)
+    monkeypatch.setattr(krylov, "enough_memory", lambda *_: False)
 
 
 def ends_with(status, fails=lambda unknowns: unknowns > MOST):

@@ -91,6 +91,9 @@ class SemismoothNewton:
         self._settings = settings
         self.lost = False
         self._symmetric = symmetric
+        self._factor: PETSc.KSP | None = None
+        self._factorised_in: int | None = None
+        self._outdated = False  # whether the usual preconditioner is of a matrix before the last that was factorised
         self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
         self._keys = _keys(problem.points.comm.rank, problem.points.size)
         self.linear = self._point_count == 0
@@ -125,7 +128,9 @@ class SemismoothNewton:
         ksp, least = snes.getKSP(), problem.least_share(x)
         forces = max(least, NEGLIGIBLE) * problem.force_scale
         exact = not self._may_keep or least < NEGLIGIBLE
-        self._factorised = not problem.system.keep_factor(ksp, problem.unchanged, forces, exact=exact)
+        keeps_factor = problem.system.keep_factor(ksp, problem.unchanged, forces, exact=exact)
+        self._factorised = not keeps_factor or (self._outdated and self._factor is None)
+        self._outdated &= self._factor is not None
         self._loosened |= problem.system.inexact
         if self._factorised:
             problem.factorised(jacobian)
@@ -235,17 +240,27 @@ class SemismoothNewton:
         return Status.SINGULAR
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
-        """Let SNES iterate; again from other sets if they change too slowly, and with exact linear solves if loose
-        tolerances did not suffice.
+        """Let SNES iterate; again from other sets if they change too slowly, with exact linear solves if loose
+        tolerances did not suffice, and with a factorisation if a Krylov method did not, then for the rest of the
+        load step.
         """
-        first, status = self._first_iteration, self._iterate()
-        while (done := self.history.linear_solves - self._solves_before) < limit and self._improved(status):
-            self._status, self._first_iteration = None, first + done
-            self._seen.clear()
-            self._changes.clear()
-            self.snes.setTolerances(max_it=limit - done)
-            self.problem.set_data(data, self.problem.sets)
+        usual, first = self.snes.getKSP(), self._first_iteration
+        if self._factorised_in == self.history.step:
+            self._factorise()
+        try:
             status = self._iterate()
+            while (done := self.history.linear_solves - self._solves_before) < limit and self._improved(status):
+                self._status, self._first_iteration = None, first + done
+                self._seen.clear()
+                self._changes.clear()
+                self.snes.setTolerances(max_it=limit - done)
+                self.problem.set_data(data, self.problem.sets)
+                status = self._iterate()
+        finally:
+            if self._factor is not None:
+                self.snes.setKSP(usual)
+                self._factor.destroy()
+                self._factor, self._outdated = None, True
         return status
 
     def _improved(self, status: Status) -> bool:
@@ -265,9 +280,13 @@ class SemismoothNewton:
         cheaper = (
             self._loosened if status is Status.CYCLING else status is Status.LINEAR_SOLVER and not self._factorised
         )
-        if not (self._may_keep and cheaper):
+        if self._may_keep and cheaper:
+            self._may_keep = False
+            return True
+        if status is not Status.LINEAR_SOLVER or not self._factorise():
             return False
-        self._may_keep = False
+        self.history.add(f"{status.value}: the matrix is factorised")
+        self._factorised_in = self.history.step
         return True
 
     def _propose(self) -> None:
@@ -277,9 +296,25 @@ class SemismoothNewton:
         self._slow, problem = False, self.problem
         following, solves = problem.next.sets, self.history.linear_solves
         proposed = proposed_sets(self, problem.data)
+        if proposed is None and self._factorise():
+            proposed = proposed_sets(self, problem.data)
         problem.sets = following if proposed is None else proposed
         asked = self.history.linear_solves - solves
         self.history.add(f"sets: few change with each full step, {asked} solves inside the bounds propose others")
+
+    def _factorise(self) -> bool:
+        """Whether a direct solver takes the place of a Krylov method; collective."""
+        if self._factor is not None:
+            return False
+        ksp = PETSc.KSP().create(self.problem.points.comm)
+        ksp.setOptionsPrefix(petsc_options.PREFIX)
+        ksp.setOperators(self.snes.getJacobian()[0])
+        if not self.problem.system.factorise(ksp, symmetric=self._symmetric):
+            ksp.destroy()
+            return False
+        self.snes.setKSP(ksp)
+        self._factor = ksp
+        return True
 
     def _iterate(self) -> Status:
         callbacks.solve(self.snes.solve, None, self.x)

@@ -74,6 +74,19 @@ class ElasticSystem(ABC):
             symmetric: whether they will be.
         """
 
+    def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
+        """Set a factorisation in place of the default solver, where that has failed; collective.
+
+        Args:
+            ksp: another linear solver than that of ``configure``, with the same operators.
+            symmetric: whether they are.
+
+        Returns:
+            Whether there is one: not if the default, or the choice of the user, is a factorisation or another solver
+            already, or if the memory is too small.
+        """
+        return False
+
     def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
         """Decide whether the last factorisation is that of the new matrix too, and set the solver accordingly.
 

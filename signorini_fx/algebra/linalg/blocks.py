@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, row_by_row
+from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, petsc_options, row_by_row
 from signorini_fx.algebra.linalg.callbacks import called_back
 
 if TYPE_CHECKING:
@@ -296,3 +296,42 @@ def apart(matrix: PETSc.Mat, pattern: PETSc.Mat) -> tuple[PETSc.Mat, PETSc.Mat]:
     """
     left, entries = matrix.getPythonContext().apart(matrix, pattern)
     return left, entries
+
+
+class PreconditionerByEntries:
+    """Context of a ``python`` preconditioner that makes another one for the entries of a matrix by blocks;
+    ``configure``: sets its kind, once it has its matrix.
+    """
+
+    def __init__(self, configure: Callable[[PETSc.PC], None]) -> None:
+        self._configure = configure
+        self._inner: PETSc.PC | None = None
+
+    @called_back
+    def setUp(self, pc: PETSc.PC) -> None:
+        """Set up anew; collective."""
+        inner = PETSc.PC().create(pc.comm)
+        inner.setOptionsPrefix(petsc_options.PREFIX)
+        inner.setOperators(by_entries(pc.getOperators()[0]))
+        self._configure(inner)
+        inner.setUp()
+        pc.setFailedReason(inner.getFailedReason())  # by which a singular matrix is told from a lack of memory
+        self._inner = inner
+
+    @called_back
+    def apply(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Apply it."""
+        assert self._inner is not None
+        self._inner.apply(right, x)
+
+    @called_back
+    def applyTranspose(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Apply the transposed one."""
+        assert self._inner is not None
+        self._inner.applyTranspose(right, x)
+
+
+def use_entries(pc: PETSc.PC, configure: Callable[[PETSc.PC], None]) -> None:
+    """Make a preconditioner of a matrix by blocks one of its entries, see ``PreconditionerByEntries``."""
+    pc.setType(PETSc.PC.Type.PYTHON)
+    pc.setPythonContext(PreconditionerByEntries(configure))

@@ -84,7 +84,11 @@ FACTOR_DEFAULTS = {
 def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool, definite: bool = True) -> None:
     """Make a linear solver a direct one: Cholesky if the matrix is symmetric, else LU."""
     ksp.setType(PETSc.KSP.Type.PREONLY)
-    pc = ksp.getPC()
+    use_factor(ksp.getPC(), symmetric=symmetric, definite=definite)
+
+
+def use_factor(pc: PETSc.PC, *, symmetric: bool, definite: bool = True) -> None:
+    """Make a preconditioner such a factorisation."""
     pc.setType(factor_type(symmetric=symmetric))
     pc.setFactorSolverType(factorisation_package(pc.comm.tompi4py(), symmetric=symmetric, definite=definite))
 

@@ -1,11 +1,12 @@
 """The elastic system with all displacement dofs, solved by a Krylov method with multigrid, on any number of ranks.
 
-Nothing of the size of the mesh is factorised.  See ``multigrid`` for the preconditioner, which is set up once.
+Nothing of the size of the mesh is factorised, unless this fails.  See ``multigrid`` for the preconditioner, which is
+set up once.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Self
@@ -15,10 +16,17 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks
+from signorini_fx.algebra.linalg.blocks import is_by_blocks, use_entries
 from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
-from signorini_fx.algebra.linalg.factorisation import FACTOR_DEFAULTS
+from signorini_fx.algebra.linalg.factorisation import (
+    FACTOR_DEFAULTS,
+    can_factorise,
+    enough_memory,
+    factor_memory,
+    use_factor,
+    use_factorisation,
+)
 from signorini_fx.algebra.linalg.full import AssembledSystem
 from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.algebra.linalg.petsc_c import call
@@ -41,8 +49,6 @@ class KrylovSystem(AssembledSystem):
     def of(cls, elasticity: Elasticity) -> Self:
         """The system as it was assembled; multigrid gets to know the rigid motions."""
         system = super().of(elasticity)
-        if is_by_blocks(system.matrix) and not system._touches:  # GAMG alone needs the entries
-            return cls.of(replace(elasticity, matrix=by_entries(elasticity.matrix)))
         if not system.rigid:
             system._tell(system.matrix)
         return system
@@ -104,11 +110,6 @@ class KrylovSystem(AssembledSystem):
         touched[touched.size - self.elasticity.rigid :] = True
         return np.flatnonzero(touched & ~self.contact.fixed)
 
-    @property
-    def _touches(self) -> bool:
-        """Whether contact can act on any unknown; collective."""
-        return parallel.any_rank(self.comm, self._touched.size > 0)
-
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """CG, or FGMRES where the matrix is not symmetric, to a residual against the forces; see ``multigrid``."""
         ksp.setType(PETSc.KSP.Type.CG if symmetric else PETSc.KSP.Type.FGMRES)
@@ -116,8 +117,12 @@ class KrylovSystem(AssembledSystem):
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
         pc = ksp.getPC()
-        pc.setType(PETSc.PC.Type.GAMG)
-        if not self._touches or petsc_options.user_sets("pc_type") or not self.hierarchy.interpolations:
+        if is_by_blocks(self.matrix):
+            use_entries(pc, self._as_aggregation)
+        else:
+            pc.setType(PETSc.PC.Type.GAMG)
+        contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
+        if contact == 0 or petsc_options.user_sets("pc_type") or not self.hierarchy.interpolations:
             return
         preconditioner = ContactPreconditioner(self.levels, self.contact.fixed, symmetric=symmetric)
         self._preconditioners[ksp.handle] = preconditioner
@@ -127,6 +132,32 @@ class KrylovSystem(AssembledSystem):
         ksp.setPreSolve(weakly(self._begin))
         # A tolerance of the user's is one of the residual that the exact solve at the contact unknowns leaves.
         call("KSPConvergedDefaultSetUIRNorm", ksp)
+
+    def _as_aggregation(self, pc: PETSc.PC) -> None:
+        """Smoothed aggregation alone, of the entries of a matrix by blocks."""
+        if self.elasticity.level is not None:
+            pc.getOperators()[0].setNearNullSpace(self.elasticity.level.modes())
+        pc.setType(PETSc.PC.Type.GAMG)
+        pc.setFromOptions()
+
+    def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
+        """Where the user has chosen no solver, and a factor, without symmetry two of them, fits into the memory."""
+        if petsc_options.user_sets("ksp_", "pc_") or not can_factorise(self.comm):
+            return False
+        unknowns, dimension = self.matrix.getSize()[0], self.contact.points.dimension
+        if not enough_memory(self.comm, (1 if symmetric else 2) * factor_memory(unknowns, dimension)):
+            return False
+        if not is_by_blocks(self.matrix):
+            use_factorisation(ksp, symmetric=symmetric)
+            return True
+
+        def as_factor(pc: PETSc.PC) -> None:
+            pc.getOperators()[0].setOption(PETSc.Mat.Option.SPD, symmetric)
+            use_factor(pc, symmetric=symmetric)
+
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        use_entries(ksp.getPC(), as_factor)
+        return True
 
     @called_back
     def _begin(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
@@ -154,6 +185,8 @@ class KrylovSystem(AssembledSystem):
 
     def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; where it is another one, a solve by multigrid need not be exact."""
-        if not petsc_options.user_sets("ksp_"):
+        if ksp.getType() == PETSc.KSP.Type.PREONLY:
+            self.inexact = False
+        elif not petsc_options.user_sets("ksp_"):
             self._forces, self.inexact = forces, not unchanged and not exact
         return unchanged
