@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from signorini_fx.errors import InstallationError, MissingPackageError, PictureError, cannot_be_written
+from signorini_fx.errors import InstallationError, MissingPackageError, PictureError, ResultError, cannot_be_written
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
-from signorini_fx.machine.result_files import Table, read_csv, write_columns, write_csv
+from signorini_fx.machine.result_files import Table, read_csv, read_summary, write_columns, write_csv
 from signorini_fx.machine.terminal import printable, say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable, contact_table
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -107,6 +107,14 @@ def write_results(
         return _Written(solution, claimed).write(
             fields, gather and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf), missing
         )
+
+
+def title_of_result(folder: Path) -> str | None:
+    """The title of the scene whose result a folder has; None: it has none."""
+    try:
+        return str(read_summary(folder).get("title", ""))
+    except ResultError:
+        return None
 
 
 def _gatherer(pictures: bool | Sequence[str]) -> tuple[Callable[..., Any] | None, str]:

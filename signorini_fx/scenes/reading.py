@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -86,10 +87,20 @@ def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType(
     try:
         data = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
-        raise SceneError([("syntax", str(error))], str(path)) from None
+        raise SceneError([("syntax", f"{error}{_unquoted(text, str(error))}")], str(path)) from None
     except RecursionError:
         raise SceneError([("syntax", "nested too deeply")], str(path)) from None
     return parse_scene(changed(data, changes), str(path), path.parent)
+
+
+def _unquoted(text: str, message: str) -> str:
+    """What to do if the line that is wrong has an expression without quotes; "" if it has none."""
+    location = re.search(r"at line (\d+)", message)
+    line = text.splitlines()[int(location[1]) - 1] if location and int(location[1]) <= text.count("\n") + 1 else ""
+    assignment = re.fullmatch(r"\s*([\w.]+)\s*=\s*([^\"'\[{#][^\"'#]*?)\s*(#.*)?", line)
+    if assignment is None or not re.search(r"x\[\d\]|\bif\b|[*/(]", assignment[2]):
+        return ""
+    return f': an expression stands in quotes, as in {assignment[1]} = "{assignment[2][:60]}"'
 
 
 def read_scene(path: str | Path) -> Scene:

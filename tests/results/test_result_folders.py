@@ -70,6 +70,18 @@ def test_files_of_others(scene, tmp_path, monkeypatch, capsys, name):
     assert content(out) == before
 
 
+def test_the_result_of_another_scene(scene, tmp_path, capsys):
+    """It is replaced, and the command says so before it solves; the result of the same scene is replaced as always."""
+    out = tmp_path / "out"
+    solved = ["solve", str(scene), "--out", str(out), "--no-fields", "--no-pictures"]
+    told = []
+    for title in ("punch", "punch", "seal"):
+        scene.write_text(f'title = "{title}"\n{SCENE}')
+        assert main(solved) == 0
+        told.append("another scene, 'punch', will be replaced" in capsys.readouterr().out)
+    assert told == [False, False, True]
+
+
 def test_a_file_that_appears_meanwhile(solution, tmp_path):
     """What was not there when the run began is not replaced at its end."""
     folder = ResultFolder(SELF, tmp_path, files.FILES)

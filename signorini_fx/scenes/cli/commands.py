@@ -84,6 +84,9 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         observers.append(line)
     try:
         with ResultFolder(comm, path, (*files.FILES, CHECKPOINT)) as folder:
+            older = parallel.on_root(comm, lambda: files.title_of_result(path))
+            if older not in (None, scene.title) and not options.quiet:
+                parallel.log_on_root(comm, f"{path}: the result of another scene, {older!r}, will be replaced")
             try:
                 solution = solver.solve(
                     scene,
