@@ -149,10 +149,15 @@ class Solution:
             fits = (message for message in named if another is None or another not in message)
             return between * ended_between + next(fits, self.status.advice)
         if self.status in _UNDECIDED and ended_between:
+            # What regularisation leaves of slip in each load step wedges a body between several walls.
+            wedged = self.statement.has_coulomb and len(self.statement.contact) > 1 and settings.algorithm != "alm"
+            early = (
+                "; between several walls it may be higher: set solver.algorithm = 'alm' and solver.coulomb = 'newton'"
+            )
             return (
                 "lower the load, raise the friction, or prescribe a displacement: there is a solution at time "
                 f"{last.time:.6g}{self._factors_held}, and none was found at time {failed.time:.6g}; most likely a "
-                "limit load is between them, though it is not proved"
+                f"limit load is between them, though it is not proved{early * wedged}"
             )
         if self.history.late and self.status in _UNDECIDED:
             return (
