@@ -129,7 +129,6 @@ REFUSED = {
     "negative coefficient later": contact(friction={"law": "coulomb", "coefficient": "0.3*(1 - 2*t)"})
     | {"load_steps": {"times": [0.0, 1.0]}},
     "ellipse in 2D": contact(friction=COULOMB | {"ratio": 2.0}),
-    "ellipse without size": ellipse(ratio="1e9*(1 + x[0])"),
     "ellipse along the normal": ellipse(along=[0.0, 0.0, 1.0]),
     "ellipse and support": ellipse(along=[1.0, 1.0, 0.0])
     | {"displacement": [SPACE["displacement"], {"boundary": "left", "x": 0.0}]},

@@ -96,7 +96,7 @@ def test_largest_multiple_against_linear_programmes(kind, dim):
     rng, finite = np.random.default_rng(10 + dim), 0
     for _ in range(8):
         here = anything(rng, kind, int(rng.choice([4, 20])), dim, flat=True)
-        load = 0.02 * rng.normal(size=here.normal.shape[1])
+        load = 0.05 * rng.normal(size=here.normal.shape[1])
         load[dim - 1] = -0.1
         low, high = (largest_by_programme(here, 0 * load, load, outer=outer) for outer in (False, True))
         multiple = largest_multiple(here, load)

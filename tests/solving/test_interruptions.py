@@ -58,7 +58,7 @@ PLACES = {
     "condense": (schur.SchurComplement, "__init__", (PLANE, f"{CONDENSED}, levels = 2")),
     "residual": (regularised.RegularisedProblem, "_hold", (PLANE, FULL)),
     "residual, krylov": (regularised.RegularisedProblem, "_hold", (SOLID, KRYLOV)),
-    "convergence, krylov": (ssn.SemismoothNewton, "_record", (SOLID, KRYLOV)),
+    "convergence, krylov": (ssn.SemismoothNewton, "record", (SOLID, KRYLOV)),
     "preconditioner": (multigrid.NodalBlocks, "split", (SOLID, KRYLOV)),
     "certificate": (NodalForces, "internal", (SOLID, FULL)),
     "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),
