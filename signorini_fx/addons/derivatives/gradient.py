@@ -21,17 +21,15 @@ import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
-from signorini_fx.addons.derivatives.adjoint import Adjoint, Explicit, TransposedTangent
-from signorini_fx.addons.derivatives.law import LinearisedLaw, linearised
+from signorini_fx.addons.derivatives.adjoint import Adjoint, Explicit, LinearisedLaw, TransposedTangent, linearised
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.errors import FormError, SceneError
-from signorini_fx.extensions import is_of_package
+from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import action, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import action
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_map import contact_map
@@ -39,7 +37,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.quantities.differentiable import ContactForce, Functional
 from signorini_fx.results.step_frames import turned
-from signorini_fx.tuned import DIFFERENCE_STEP, NEGLIGIBLE, ROOT_OF_EPS
+from signorini_fx.tuned import ROOT_OF_EPS
 
 Array = npt.NDArray[np.float64]
 # The derivatives by a datum of what of a load step depends on it explicitly, with those of some quantities.
@@ -116,11 +114,8 @@ class SolvedStep:
         """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d); collective.
 
         Raises:
-            SceneError: derivatives of a quantity of another package are not those of its value.
             FormError: it is a moment at displaced points.
         """
-        if not is_of_package(type(of)):
-            self._check(of)
         row, boundary = of.by_displacement(self.displacement), self.state.boundary
         row = np.zeros(self.body.fixed.size) if row is None else row
         if self.curvature is not None and isinstance(of, ContactForce):
@@ -132,37 +127,6 @@ class SolvedStep:
         vector = self.body.vector(row)
         vector.getArray()[self.body.prescribed] = 0.0
         return vector, of.by_traction(boundary, self.state.pressure, self.state.shear)
-
-    def _check(self, of: Functional) -> None:
-        """Compare derivatives with a central difference: displacement and tractions are changed by shares of them."""
-        boundary, y = self.state.boundary, self.displacement
-        tractions = np.column_stack((self.state.pressure, self.state.shear))
-        length = float(np.abs(parallel.global_bounds(boundary.comm, boundary.centre)).max()) or 1.0
-        share = _wave(boundary.centre, length)[:, None] * tractions
-        motion, x = y.copy(), node_positions(y.function_space)
-        motion.x.array[:] = (_wave(x, length)[:, None] * y.x.array.reshape(-1, y.function_space.dofmap.bs)).ravel()
-
-        def value(step: float) -> float:
-            moved, changed = y.copy(), tractions + step * share
-            moved.x.array[:] += step * motion.x.array
-            return of.value(moved, boundary, changed[:, 0], changed[:, 1:])
-
-        row, slopes = of.by_displacement(y), of.by_traction(boundary, tractions[:, 0], tractions[:, 1:])
-        local = np.sum(boundary.weight[:, None] * slopes * share)
-        local += 0.0 if row is None else row @ motion.x.array[: row.size]
-        claimed, width = float(parallel.global_sum(boundary.comm, np.array(local))), DIFFERENCE_STEP
-        difference, now = (value(width) - value(-width)) / (2 * width), value(0.0)
-        allowed = NEGLIGIBLE * max(abs(claimed), abs(difference)) + ROOT_OF_EPS * abs(now)
-        if not abs(claimed - difference) <= allowed:
-            raise SceneError(
-                [
-                    (
-                        "of",
-                        f"derivatives of {type(of).__name__} are not those of its value, which a change of "
-                        f"displacement and tractions changes by {difference:g} and not by {claimed:g}",
-                    )
-                ]
-            )
 
     def value(self, of: Functional) -> float:
         """That of a quantity; collective."""
@@ -187,11 +151,6 @@ class SolvedStep:
         contact.add_forces(normal, along, vector)
         carried = -self.compliance * np.einsum("njk,nj->nk", turned(earlier.state.boundary, boundary, self.spin), slips)
         return vector, np.column_stack((np.zeros(len(slips)), carried))
-
-
-def _wave(x: Array, length: float) -> Array:
-    """Numbers from 1/2 to 3/2 that differ from point to point and depend on no order of ranks, shape (n,)."""
-    return np.asarray(1.0 + np.sin(x @ np.array([1.0, 2.0, 3.0])[: x.shape[1]] / length) / 2)
 
 
 @dataclass
