@@ -22,9 +22,8 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, facet_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.results.certificate.body_nodes import BodyNodes
+from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.mechanics import SolidBody
 
 if TYPE_CHECKING:

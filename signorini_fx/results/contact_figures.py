@@ -19,6 +19,7 @@ from signorini_fx.algebra.contact.statics import largest_multiple, reactions
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.loads.initial_strains import jumps_in
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
@@ -156,5 +157,5 @@ def section_forces(
     nodal = NodalForces(statement, tagged, displacement.function_space)
     return [
         SectionForce(name=jump.entry.name, force=nodal.through(jump, displacement, step), shortening=jump.amount(step))
-        for jump in nodal.jumps()
+        for jump in jumps_in(statement, tagged, displacement.function_space)
     ]

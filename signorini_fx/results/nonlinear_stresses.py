@@ -113,7 +113,7 @@ class NonlinearForces(NodalForces):
         followers = self._body.followers
         pairs = zip(followers.effects, followers.works, strict=True)
         works = [work for effect, work in pairs if any(effect is one for one in effects)]
-        return -self._sum(self._forms.compiled(("followers", *map(id, effects)), lambda: works))
+        return -self._sum(self._compiled(("followers", *map(id, effects)), lambda: works))
 
     def unstrained(self) -> dict[int, Array]:
         """The states of the materials that have one before the first load step, by their numbers."""

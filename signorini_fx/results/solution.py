@@ -25,11 +25,10 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, Timings
 from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, next_cost
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.certificate import Certificate, another_law
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.contact_figures import contact_figures, friction_used, section_forces
 from signorini_fx.results.mechanics import SolidBody, StepResult
-from signorini_fx.results.requested_law import another_law
 from signorini_fx.results.resultants import Resultants
 from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import ZERO_IN_SOLUTION

@@ -39,7 +39,7 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Timings
-from signorini_fx.results.certificate.supports import PrescribedNodes
+from signorini_fx.results.certificate.body_nodes import PrescribedNodes
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.nonlinear_stresses import NonlinearForces, NonlinearStresses, StatesOnPath
 from signorini_fx.results.resultants import NamedForces
@@ -305,7 +305,7 @@ class StatedOrigin(Origin):
         def supports(path_step: float) -> tuple[PrescribedNodes, list[str | None]]:
             entries = anew.statement.displacement
             places = [entry.place if entry.holds_at(path_step) else None for entry in entries]
-            return PrescribedNodes.of(anew, path_step), places
+            return anew.prescribed(path_step), places
 
         def stresses(model: Model, path: DisplacementsAtPlaces) -> NonlinearStresses:
             return NonlinearStresses.of(model, self.states, path)

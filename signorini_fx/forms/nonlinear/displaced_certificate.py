@@ -26,13 +26,12 @@ from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import ShapeDistances
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.body_nodes import BodyNodes
+from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
 from signorini_fx.results.certificate.pair_points import FrozenPoints, PairPoints, SlidingPoints
-from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.resultants import ActingForces, NamedForces
 from signorini_fx.results.stresses import RawStresses

@@ -1,9 +1,10 @@
-"""The nodes of a body, and its pieces, as certificates see them."""
+"""The nodes of a body, its pieces, and what supports prescribe, evaluated anew for certificates."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,10 @@ from mpi4py import MPI
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions, shared_in
 from signorini_fx.mechanics.assembly.pieces import find_pieces
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+
 
 Array = npt.NDArray[np.float64]
 
@@ -115,3 +120,58 @@ class BodyNodes:
     def pieces(self) -> RigidPart:
         """The pieces of the mesh; collective."""
         return RigidPart(self.space, self.at_nodes[: self.owned, : self.dimension])
+
+
+@dataclass(frozen=True)
+class PrescribedNodes:
+    """The prescribed displacements of the owned nodes; ``fixed``: at turned nodes in their frames; ``value``: in the
+    axes of space; ``by``: position in ``scene.displacement`` of what prescribes each component along the axes, -1 where
+    nothing does.
+    """
+
+    fixed: npt.NDArray[np.bool_]
+    value: Array
+    by: npt.NDArray[np.int64]
+    turned: TurnedNodes | None = None
+
+    def missed(self, y: Array) -> Array:
+        """How far displacements of the owned nodes are from what is prescribed, length, as a list."""
+        away = y - self.value
+        if self.turned is not None:
+            away = np.einsum("nij,ni->nj", self._frames, away)
+        return np.abs(away[self.fixed])
+
+    def among(self, of_node: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Numbers that the owned nodes have, in the order of ``missed``."""
+        return np.asarray(np.broadcast_to(of_node[:, None], self.fixed.shape)[self.fixed])
+
+    def left(self, vectors: Array) -> Array:
+        """Vectors at the owned nodes without the directions that are prescribed, shape (owned nodes, d)."""
+        if self.turned is None:
+            return np.where(self.fixed, 0.0, vectors)
+        free = np.where(self.fixed, 0.0, np.einsum("nij,ni->nj", self._frames, vectors))
+        return np.einsum("nij,nj->ni", self._frames, free)
+
+    def taken(self, forces: Array, position: int) -> Array:
+        """The part of nodal forces that one entry of ``scene.displacement`` takes, shape (owned nodes, d).
+
+        A support takes forces along what it prescribes: those that do the work of all on a displacement that it alone
+        prescribes.
+        """
+        taken = np.where(self.by == position, forces, 0.0)
+        if self.turned is None:
+            return taken
+        here = self.turned.nodes < len(forces)
+        nodes, dim = self.turned.nodes[here], forces.shape[1]
+        along = np.einsum("nij,ni->nj", self.turned.from_given[here], forces[nodes])
+        taken[nodes] = np.where(self.by[nodes] == position, along[:, :dim], 0.0)
+        for number, support in enumerate(self.turned.supports):
+            if support.position == position:
+                taken[nodes] += along[:, dim + number, None] * support.normal
+        return taken
+
+    @property
+    def _frames(self) -> Array:
+        """The frames of the owned nodes that ``fixed`` is told in, shape (owned nodes, d, d)."""
+        assert self.turned is not None
+        return self.turned.frames_at(np.arange(len(self.fixed)))

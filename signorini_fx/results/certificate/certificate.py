@@ -3,11 +3,15 @@
 It takes the scene, the mesh, the displacement that the user gets, and the contact tractions; in a later load step also
 those of the previous step, from which friction acts.  It uses no matrix, load vector or active set of the solver.  It
 does not detect faults in what both share: the mesh and its names, the forms, materials, loads and contact points.
+
+The law that it names need not be the one that was asked for.  Where the method of a scene fails, another one is tried:
+augmentation leaves no regularisation where a gamma was given, and bodies that lie loose are solved with the regularised
+law.  The path in gamma may end at the largest gamma before it reaches the error that was asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,11 +22,11 @@ from dolfinx import fem
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.records import JUDGED, REPORTED
+from signorini_fx.mechanics.statement.settings import SolverSettings
+from signorini_fx.records import JUDGED, REPORTED, Finding
 from signorini_fx.results.certificate.contact_nodes import ContactConditions, ContactNodes
 from signorini_fx.results.certificate.equilibrium import Balance, PieceScales, change_of_volume, equilibrium, share
 from signorini_fx.results.certificate.law_of_method import UNREGULARISED, Law, PreviousStep, Tractions
-from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE
 
 if TYPE_CHECKING:
@@ -120,7 +124,7 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> 
         forces,
         forces.internal(displacement),
         forces.external(step),
-        PrescribedNodes.of(forces, step),
+        forces.prescribed(step),
         scales,
         stiffest,
         forces.resisted(displacement),
@@ -320,3 +324,58 @@ def _smaller(a: Nodal, unit_a: Nodal, b: Nodal, unit_b: Nodal) -> Nodal:
     """min(|a|, max(b, 0)), each in its own unit: zero where one of two conditions holds."""
     first, second = (np.where(unit > 0, unit, 1.0) for unit in (unit_a, unit_b))
     return np.minimum(np.abs(a) / first, np.maximum(b, 0.0) / second)
+
+
+def another_law(
+    settings: SolverSettings,
+    certificates: Mapping[int, Certificate],
+    left: float | None,
+    *,
+    raises_gamma: bool = False,
+) -> Finding | None:
+    """A warning where the law of the load steps, by their numbers, is not the one that settings ask for; ``left``: the
+    regularisation error of the last one relative to its energy norm, where a path in gamma has found it;
+    ``raises_gamma``: whether an accuracy is asked for, which raises gamma as it needs to.
+    """
+    laws = {step: certificate.law for step, certificate in certificates.items()}
+    if settings.algorithm == "alm":
+        others = [step for step, law in laws.items() if law.regularised]
+        if not others:
+            return None
+        worst = max((certificates[step] for step in others), key=lambda certificate: certificate.penetration)
+        message = (
+            f"'alm' was not reached{_where(laws, others)}, the regularised law with gamma_n = "
+            f"{laws[others[-1]].gamma_n:.3g} was solved instead; it leaves penetration {worst.penetration:.1e} and "
+            f"elastic slip {worst.stick_slip:.1e} times the largest displacement; raise solver.gamma_n and "
+            "solver.gamma_t to lessen them, or change the loads in smaller steps"
+        )
+        return Finding("warning", "solver.algorithm", message)
+    if raises_gamma:
+        return None
+    if settings.algorithm == "path-following":
+        allowed = settings.regularisation_error
+        if allowed == "auto" or left is None or left <= allowed:
+            return None
+        gamma = list(laws.values())[-1].gamma_n
+        message = (
+            f"a regularisation error of {allowed:.2g} was asked for and {left:.2g} is left; with a gamma above "
+            f"{gamma:.3g} round-off would take over; take algorithm = 'alm', which leaves none"
+        )
+        return Finding("warning", "solver.regularisation_error", message)
+    given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
+    others = [step for step, law in laws.items() if any(getattr(law, name) != given[name] for name in given)]
+    if not others:
+        return None
+    asked = ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
+    message = (
+        f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place{_where(laws, others)}; "
+        "lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
+    )
+    return Finding("warning", "solver.gamma_n", message)
+
+
+def _where(steps: Iterable[int], others: list[int]) -> str:
+    """In which load steps, if there are several."""
+    if len([*steps]) == 1:
+        return ""
+    return f" in load step{'s' * (len(others) > 1)} {', '.join(map(str, others))}"

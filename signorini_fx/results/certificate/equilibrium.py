@@ -11,9 +11,8 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.results.certificate.body_nodes import BodyNodes, RigidPart
+from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes, RigidPart
 from signorini_fx.results.certificate.contact_nodes import ContactNodes
-from signorini_fx.results.certificate.supports import PrescribedNodes
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE, SAME_NUMBER, UNITS_OF_PLACES
 
 Nodal = npt.NDArray[np.float64]

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from copy import copy
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,88 +20,34 @@ from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.mesh_entities import assemble
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, shared_in
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
-from signorini_fx.mechanics.loads.initial_strains import Jump, initial_strain, jumps_in, total_jump
+from signorini_fx.mechanics.loads.initial_strains import Jump, initial_strain, total_jump
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, group_of
-from signorini_fx.mechanics.loads.supports import forces_at_nodes
+from signorini_fx.mechanics.loads.supports import Supports, forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.certificate.body_nodes import BodyNodes
+from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
 
 Array = npt.NDArray[np.float64]
 
 
-class CompiledForms:
-    """The linear forms of a statement, compiled when they are first asked for, with coefficients of their own."""
-
-    def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
-        self.on = FormCoefficients(statement, tagged, space)
-        self.z = ufl.TestFunction(space)
-        self._kept: dict[Hashable, Sequence[fem.Form]] = {}
-
-    @cached_property
-    def y(self) -> fem.Function:
-        """The displacement at which they are evaluated."""
-        elastic = self.on.elastic
-        return elastic.displacement(self.on.space, np.zeros(elastic.count))
-
-    def take(self, displacement: fem.Function) -> None:
-        """Evaluate all of them at a displacement.
-
-        Raises:
-            ValueError: it is without a pressure that belongs to it.
-        """
-        if self.on.elastic.pressed:
-            from signorini_fx.mechanics.elasticity.mixed_pressure import hydrostatic_of
-
-            hydrostatic_of(displacement)
-        for own, given in zip(fields_of(self.y), fields_of(displacement), strict=True):
-            own.x.array[:] = given.x.array
-
-    @cached_property
-    def _given(self) -> tuple[tuple[Any, Callable[[float], None]], tuple[Any, Callable[[float], None]]]:
-        """Initial strains and jumps of the displacement, UFL, None without any, and what moves them to a place."""
-        on = self.on
-        return initial_strain(on.statement, on.tagged, on.space, 0), total_jump(on.statement, on.tagged, on.space)
-
-    def move_to(self, step: float) -> tuple[Any, Any, int]:
-        """Initial strains and jumps of a load step, UFL, None without any, and the degree of the quadrature of the
-        former.
-        """
-        (strain, move_strain), (jump, move_jump) = self._given
-        move_strain(step)
-        move_jump(step)
-        acting = [entry for entry in self.on.statement.of(InitialStrain) if entry.acts]
-        return strain, jump, acting[0].degree(self.on.statement.element.degree) if acting else 0
-
-    def kept(self, name: Hashable, make: Callable[[], Sequence[fem.Form]]) -> Sequence[fem.Form]:
-        """Compiled forms, which are made once."""
-        if name not in self._kept:
-            self._kept[name] = make()
-        return self._kept[name]
-
-    def compiled(self, name: Hashable, terms: Callable[[], Sequence[Any]]) -> Sequence[fem.Form]:
-        """Some terms, each compiled by itself: FFCx 0.9 compiles one of one point beside another one wrongly."""
-
-        def make() -> list[fem.Form]:
-            with compiling():
-                return [fem.form(term) for term in terms()]
-
-        return self.kept(name, make)
-
-
 class NodalForces(BodyNodes):
-    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective."""
+    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective.
+
+    Linear forms are compiled when they are first asked for, with coefficients of their own.
+    """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         super().__init__(space)
         self.statement = statement
         self.tagged = tagged
         self.kinematics = statement.kinematics_in(tagged.dimension)
-        self._forms = CompiledForms(statement, tagged, space)
+        self._on = FormCoefficients(statement, tagged, space)
+        self._z = ufl.TestFunction(space)
+        self._of_forms: dict[Hashable, Any] = {}
 
     @classmethod
     def on(cls, model: Model) -> NodalForces:
@@ -117,9 +64,60 @@ class NodalForces(BodyNodes):
         other = copy(self)
         other.statement = statement
         other.kinematics = statement.kinematics_in(self.tagged.dimension)
-        if not _differ_in_contact_alone(statement, self._forms.on.statement):
-            other._forms = CompiledForms(statement, self.tagged, self.space)
+        if not _differ_in_contact_alone(statement, self._on.statement):
+            other._on, other._of_forms = FormCoefficients(statement, self.tagged, self.space), {}
         return other
+
+    @shared_in("_of_forms")
+    def _y(self) -> fem.Function:
+        """The displacement at which forms are evaluated."""
+        elastic = self._on.elastic
+        return elastic.displacement(self.space, np.zeros(elastic.count))
+
+    @shared_in("_of_forms")
+    def _given(self) -> tuple[tuple[Any, Callable[[float], None]], tuple[Any, Callable[[float], None]]]:
+        """Initial strains and jumps of the displacement, UFL, None without any, and what moves them to a place."""
+        of = self._on.statement, self.tagged, self.space
+        return initial_strain(*of, 0), total_jump(*of)
+
+    def _take(self, displacement: fem.Function) -> None:
+        """Evaluate all forms at a displacement.
+
+        Raises:
+            ValueError: it is without a pressure that belongs to it.
+        """
+        if self._on.elastic.pressed:
+            from signorini_fx.mechanics.elasticity.mixed_pressure import hydrostatic_of
+
+            hydrostatic_of(displacement)
+        for own, given in zip(fields_of(self._y), fields_of(displacement), strict=True):
+            own.x.array[:] = given.x.array
+
+    def _at_step(self, step: float) -> tuple[Any, Any, int]:
+        """Initial strains and jumps of a load step, UFL, None without any, and the degree of the quadrature of the
+        former.
+        """
+        (strain, move_strain), (jump, move_jump) = self._given
+        move_strain(step)
+        move_jump(step)
+        acting = [entry for entry in self.statement.of(InitialStrain) if entry.acts]
+        return strain, jump, acting[0].degree(self.statement.element.degree) if acting else 0
+
+    def _kept(self, name: Hashable, make: Callable[[], Sequence[fem.Form]]) -> Sequence[fem.Form]:
+        """Compiled forms, which are made once."""
+        if name not in self._of_forms:
+            self._of_forms[name] = make()
+        forms: Sequence[fem.Form] = self._of_forms[name]
+        return forms
+
+    def _compiled(self, name: Hashable, terms: Callable[[], Sequence[Any]]) -> Sequence[fem.Form]:
+        """Some terms, each compiled by itself: FFCx 0.9 compiles one of one point beside another one wrongly."""
+
+        def make() -> list[fem.Form]:
+            with compiling():
+                return [fem.form(term) for term in terms()]
+
+        return self._kept(name, make)
 
     @property
     def pressed(self) -> bool:
@@ -131,23 +129,21 @@ class NodalForces(BodyNodes):
 
         What resists them on the boundary is not in it, see ``resisted``.
         """
-        forms = self._forms
-        forms.take(displacement)
-        return self._sum(forms.compiled("stress", lambda: forms.on.elastic.force_terms(forms.y, forms.z)))
+        self._take(displacement)
+        return self._sum(self._compiled("stress", lambda: self._on.elastic.force_terms(self._y, self._z)))
 
     def initial(self, step: float, displacement: fem.Function) -> tuple[Array, float]:
         """Forces of the stress that initial strains and jumps of a load step cause where
         they are prevented, shape (owned nodes, d), and its energy; with a pressure those of jumps alone, and what both
         add to the energy of a ``displacement``.
         """
-        forms = self._forms
-        strain, jump, degree = forms.move_to(step)
+        strain, jump, degree = self._at_step(step)
         if strain is None and jump is None:
             return np.zeros((self.owned, self.dimension)), 0.0
-        forms.take(displacement)
-        elastic = forms.on.elastic
-        prevented = forms.compiled("initial", lambda: elastic.initial_terms(forms.z, jump, strain, degree))
-        energy = forms.compiled("prevented", lambda: elastic.prevented_terms(forms.y, jump, strain, degree))
+        self._take(displacement)
+        elastic = self._on.elastic
+        prevented = self._compiled("initial", lambda: elastic.initial_terms(self._z, jump, strain, degree))
+        energy = self._compiled("prevented", lambda: elastic.prevented_terms(self._y, jump, strain, degree))
         return self._sum(prevented), self._number(energy)
 
     def dilation(self, displacement: fem.Function, step: float) -> tuple[Array, Array] | None:
@@ -156,66 +152,59 @@ class NodalForces(BodyNodes):
         """
         if not self.pressed:
             return None
-        forms = self._forms
-        strain, jump, degree = forms.move_to(step)
-        forms.take(displacement)
-        *residual, volume = forms.compiled(
-            "dilation", lambda: forms.on.elastic.dilation_terms(forms.y, jump, strain, degree)
+        strain, jump, degree = self._at_step(step)
+        self._take(displacement)
+        *residual, volume = self._compiled(
+            "dilation", lambda: self._on.elastic.dilation_terms(self._y, jump, strain, degree)
         )
         return np.sum([assemble(form) for form in residual], axis=0), assemble(volume)
-
-    def jumps(self) -> list[Jump]:
-        """The jumps of the displacement."""
-        return jumps_in(self.statement, self.tagged, self.space)
 
     def through(self, jump: Jump, displacement: fem.Function, step: float) -> float:
         """The work on a jump of one of the stress in the cells beyond it, without that of the loads in these cells:
         the tension through its section, a force.
         """
-        forms = self._forms
-        strain, jumps, degree = forms.move_to(step)
-        forms.take(displacement)
-        at, elastic = jump.on(self.space), forms.on.elastic
+        strain, jumps, degree = self._at_step(step)
+        self._take(displacement)
+        at, elastic = jump.on(self.space), self._on.elastic
 
         def stress() -> list[Any]:
-            acting = elastic.force_terms(forms.y, at, forms.y + jumps)
+            acting = elastic.force_terms(self._y, at, self._y + jumps)
             free = () if strain is None else elastic.initial_terms(at, None, strain, degree)
             return [*acting, *(-term for term in free)]
 
-        force = self._number(forms.compiled(("through", jump.path), stress))
-        forms.on.move_to(step)
+        force = self._number(self._compiled(("through", jump.path), stress))
+        self._on.move_to(step)
         for load in (load for load in self.statement.of(Force) if load.where is None and load.acts):
             factor, _ = self.statement.now(load, step)
-            of_load = partial(compile_loads, [load], forms.on, at)
-            force -= factor * self._number(forms.kept(("through", jump.path, id(load)), of_load))
+            of_load = partial(compile_loads, [load], self._on, at)
+            force -= factor * self._number(self._kept(("through", jump.path, id(load)), of_load))
         return force
 
     def resisted(self, displacement: fem.Function, resistances: Sequence[Resistance] | None = None) -> Array:
         """What resists a displacement on the boundary: all of it, or some; forces, shape (owned nodes, d)."""
-        forms = self._forms
         some = self.statement.of(Resistance) if resistances is None else resistances
         acting = [effect for effect in some if effect.acts]
-        forms.y.x.array[:] = displacement.x.array
+        self._y.x.array[:] = displacement.x.array
 
         def make() -> list[fem.Form]:
-            form = compile_resistance(acting, forms.on, forms.y, forms.z)
+            form = compile_resistance(acting, self._on, self._y, self._z)
             return [] if form is None else [form]
 
-        return self._sum(forms.kept(("resisted", *map(id, acting)), make))
+        return self._sum(self._kept(("resisted", *map(id, acting)), make))
 
     def external(self, step: float, some: Sequence[Force] | None = None) -> Array:
         """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have
         none.
         """
-        forms, total = self._forms, np.zeros((self.owned, self.dimension))
+        total = np.zeros((self.owned, self.dimension))
         groups: dict[Hashable, list[Force]] = {}
         for load in self.statement.of(Force) if some is None else some:
             if load.acts:
                 groups.setdefault(group_of(self.statement, load), []).append(load)
-        forms.on.move_to(step)
+        self._on.move_to(step)
         for loads in groups.values():
             factor, _ = self.statement.now(loads[0], step)
-            compiled = forms.kept(("loads", *map(id, loads)), partial(compile_loads, loads, forms.on, forms.z))
+            compiled = self._kept(("loads", *map(id, loads)), partial(compile_loads, loads, self._on, self._z))
             total += factor * self._sum(compiled)
             for load in loads:
                 if load.nodal:
@@ -223,6 +212,28 @@ class NodalForces(BodyNodes):
                     at_nodes = forces_at_nodes(current, load.label, self.space, self.tagged)
                     total += factor * at_nodes.reshape(total.shape)
         return total
+
+    def prescribed(self, step: float) -> PrescribedNodes:
+        """The displacements that supports prescribe in a load step."""
+        statement, tagged = self.statement, self.tagged
+        now = [statement.now(entry.in_step(step), step) for entry in statement.displacement]
+        factors = {id(effect): factor for factor, effect in now}
+        position = {id(effect): number for number, (_, effect) in enumerate(now)}
+        facets = {str(effect.boundary): tagged.facets(effect.boundary) for _, effect in now if effect.at is None}
+        entries = tuple(effect for _, effect in now)
+        supports = Supports.of(statement.changed(displacement=entries), self.space, facets, tagged)
+        value = np.zeros((len(self.at_nodes), self.dimension))
+        by = np.full(value.shape, -1)
+        for effect, condition in supports.conditions:  # the last one is what holds nodes on an axis of revolution
+            condition.set(value.reshape(-1), alpha=factors.get(id(effect), 1.0))
+            by.reshape(-1)[condition.dof_indices()[0]] = position.get(id(effect), len(now))
+        turned = supports.turned
+        if turned is not None:
+            scaled = [replace(skew, values=factors[id(skew.effect)] * skew.values) for skew in turned.supports]
+            turned = replace(turned, supports=scaled)
+            turned.place(value, entries)
+        value, by = value[: self.owned], by[: self.owned]
+        return PrescribedNodes(supports.fixed.reshape(value.shape), value, by, turned)
 
     def _sum(self, forms: Sequence[fem.Form]) -> Array:
         """Linear forms, forces of shape (owned nodes, d)."""
