@@ -102,10 +102,6 @@ KINK_SHARE = 1 / 33
 # At a corner where the pressure is convex it is about this times h^3 [p']^2 in the last interval.  Of projected powers
 # r^-a with a from 0.1 to 0.48 the estimate is 2.6 to 0.52 times the error.
 CORNER_SHARE = 0.5
-# A jump of the pressure is this many times larger than its changes beside it.
-JUMP_RATIO = 3.0
-# A corner with this share of the squared error is refined separately.
-CORNER_ERROR_SHARE = 0.2
 # Normals that turn by more than this (radians) from one interval to the next make a corner of the body.
 CORNER_ANGLE = 0.4
 # Share of the squared residual on the boundary, times h over the stiffness, that is added to the squared error: the
@@ -128,16 +124,13 @@ EXPECTED_RATES = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 1.5}
 ENERGY_RATES = (0.5, 3.0)
 # Number of previous changes between meshes that an estimate uses.  Choice.
 CHANGES_USED = 3
-# The error that a polygon causes in each quantity, times ``LevelResult.polygon`` to a power.  Tuned on a round lip
-# pressed onto a plane, with 1 to 39 nodes in contact: 0.02 to 0.14, 0.12 to 0.29, 0.006 to 0.04 and 0.6 to 1.4, the
-# largest of each where a single node is in contact.
-POLYGON_ERRORS = {"energy": (0.04, 1), "pressure": (0.15, 1), "force": (0.01, 2), "peak": (0.5, 1)}
+# The error that a polygon causes in each quantity, over ``LevelResult.polygon``; that of forces is the square of that
+# of the pressure.  Tuned on a round lip pressed onto a plane, with 1 to 39 nodes in contact: 0.02 to 0.14, 0.12 to
+# 0.29, and 0.6 to 1.4, forces 0.006 to 0.04 over the square, the largest of each where a single node is in contact.
+POLYGON_SHARES = {"energy": 0.04, "pressure": 0.15, "peak": 0.5}
 # The error of a force over the squared one of the displacement in the energy norm, at least, on meshes that are divided
 # here and there.  Tuned on bodies in 3D with random loads: 0.09 to 0.29; where displacements press it is 0.4 to 3.
 FORCE_OF_ENERGY = 0.12
-# The smallest rate that changes of the largest pressure show.  Tuned on an earlier estimate of it, with the problems of
-# docs/evidence/largest_pressure.csv.
-SLOWEST_PEAK = 0.75
 # The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, each
 # finer there by this factor, and hardly less (this share) on the last.  Fixed on the random scenes, seed 1.
 FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6
@@ -171,8 +164,6 @@ SPACE_FIXED, SPACE_GROWTH = 5700.0, 2.0
 # Seconds foretold are known within these factors.  The first held for 89 % of these 46 runs, for 93 % of 29 others, and
 # for 48 of 58 small meshes of docs/evidence/forecasts.csv; the second for the unknowns of 85 % of 63 uniform meshes.
 LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.5
-# Unknowns that no uniform mesh is foretold for: 60 times those of the largest mesh of the same runs.
-MOST_UNIFORM_UNKNOWNS = 2.5e6
 # --- solution to a given accuracy ------------------------------------------------------------------------------------
 
 # Generated meshes begin with cells this many times as large as those of the scene; quadratic ones with as many
@@ -189,9 +180,6 @@ REGULARISATION_SHARE = 0.2
 # this much finer, because small changes mean little.  No record.
 LARGEST_JUMP = {2: 4.0, 3: 2.0}
 SMALLEST_JUMP = 1.5
-# The smallest rate with which the pressure's error at a corner is taken to decrease with h, and the divisions between
-# two solves.  Fixed on the random scenes, seed 1, with contact up to a corner.
-CORNER_RATE, CORNER_DIVISIONS = 0.25, 4
 # Share of the squared error that is refined (Doerfler): at least half, or there would be many meshes; and not much more
 # than needed.  No record.
 BULK = (0.5, 0.75)

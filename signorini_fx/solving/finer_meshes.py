@@ -10,20 +10,16 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.mesh.refinement import cells_at, mark, refine
+from signorini_fx.mechanics.mesh.refinement import mark, refine
 from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, shorter_lengths
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import Status
 from signorini_fx.results.accuracy.convergence_table import fineness_of
 from signorini_fx.results.accuracy.next_accuracy import DIVIDED_FOR
-from signorini_fx.results.accuracy.pressure_error import corners_of_error
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.tuned import (
     BULK,
-    CORNER_DIVISIONS,
-    CORNER_RATE,
     FALL_OF_ERROR,
     FEW_NODES,
     LARGEST_GAMMA,
@@ -144,25 +140,10 @@ class Meshes:
                 squares = solved.errors.squares[self._of]
                 cells = mark(self._comm, squares, float(np.clip(1 - excess**-2, *BULK)))
             tagged = refine(solved.tagged, cells)
-            if self._of in ("pressure", "peak") and self.adaptive and tagged.dimension == 2:
-                tagged = self._divide_corners(tagged, solved, excess)
             counts = [mesh.mesh.topology.index_map(mesh.dimension).size_global for mesh in (tagged, solved.tagged)]
             self.finer = fineness_of(counts[0] / counts[1], tagged.dimension)
             self.problem = self.problem.on(tagged)
         self.seconds += parallel.clock(self._comm) - begin
-
-    def _divide_corners(self, tagged: TaggedMesh, solved: SolvedMesh, excess: float) -> TaggedMesh:
-        """Divide the cells at corners in contact several times, if they contain the error of the pressure.
-
-        There it decreases so slowly with h, and so few cells are divided, that a solve after each division is wasteful.
-        """
-        assert solved.level is not None
-        corners = corners_of_error(solved.level.table, solved.solution.model.kinematics)
-        for _ in range(round(np.clip(np.log2(min(excess, 1e3)) / CORNER_RATE - 1, 0, CORNER_DIVISIONS))):
-            if not len(corners):
-                break
-            tagged = refine(tagged, cells_at(tagged, corners))
-        return tagged
 
     def raise_gamma(self, task: Task, outcome: Outcome, regularisation_error: float, excess: float) -> None:
         """Make gamma so large that the regularisation error keeps to its share; it decreases like 1 / gamma.

@@ -26,12 +26,13 @@ from signorini_fx.results.accuracy.convergence_table import (
     convergence_table,
     expected_rates,
     fineness_of,
+    polygon_error_of,
     predict,
     with_polygon,
 )
 from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import LOCAL
-from signorini_fx.results.accuracy.peak_error import diverging_row
+from signorini_fx.results.accuracy.pressure_error import diverging_row
 from signorini_fx.results.deferred_quantities import failure_in_words
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.finer_meshes import Meshes
@@ -44,7 +45,6 @@ from signorini_fx.tuned import (
     MARGIN,
     MARGIN_OF_ENERGY,
     MEMORY_SHARE,
-    POLYGON_ERRORS,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
     SMALLEST_REMADE_JUMP,
@@ -205,8 +205,7 @@ def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size
             f"the largest pressure has no finite value: it grows with every refinement at ({at}); ask for the "
             f"pressure, a force or the energy, or round off the {'corner' if table.facets is None else 'edge'}"
         )
-    share, power = POLYGON_ERRORS.get(goal.of, POLYGON_ERRORS["force"])
-    polygon = margin * share * levels[-1].polygon ** power
+    polygon = margin * polygon_error_of(goal.of, levels[-1].polygon)
     if polygon > goal.target:
         return (
             f"the straight facets of the mesh on a curved contact boundary are worth an error of {polygon:.2g}, which "

@@ -1,4 +1,4 @@
-"""What is estimated on one mesh, piece by piece: loads, kinks and jumps of the pressure, and sums."""
+"""What is estimated on one mesh, piece by piece: loads, kinks of the pressure, and sums."""
 
 import numpy as np
 import pytest

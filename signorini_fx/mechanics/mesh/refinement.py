@@ -40,18 +40,6 @@ def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64], share: float = 0.5) -
     return np.flatnonzero(squares >= low).astype(np.int32)
 
 
-def cells_at(tagged: TaggedMesh, points: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
-    """Cells of this rank with a corner at one of the points, shape (n, d)."""
-    dim = tagged.mesh.topology.dim
-    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)][:, :, :dim]
-    owned = x[: tagged.mesh.topology.index_map(dim).size_local]
-    near = 1e-6 * np.ptp(owned, axis=1).max(axis=1)
-    selected = np.zeros(len(owned), dtype=bool)
-    for point in points:
-        selected |= (np.abs(owned - point).max(axis=2) <= near[:, None]).any(axis=1)
-    return np.flatnonzero(selected).astype(np.int32)
-
-
 def check_divisible(tagged: TaggedMesh) -> None:
     """Refuse a mesh that ``refine`` cannot divide.
 

@@ -19,7 +19,7 @@ import numpy as np
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
 from signorini_fx.results.accuracy.level_results import LevelResult, MeshCost
-from signorini_fx.results.accuracy.peak_error import peak_error
+from signorini_fx.results.accuracy.pressure_error import peak_error
 from signorini_fx.tuned import (
     CHANGES_USED,
     ENERGY_RATES,
@@ -29,7 +29,7 @@ from signorini_fx.tuned import (
     LEAST_GROWING_TIME,
     MEMORY_POWER,
     POLLUTION_OF_PEAK,
-    POLYGON_ERRORS,
+    POLYGON_SHARES,
     SLOWEST_DECREASE,
     TIME_POWER,
     ZERO_IN_SOLUTION,
@@ -62,17 +62,17 @@ class Price(MeshCost):
     predicted: bool = False
 
 
+def polygon_error_of(name: str, polygon: float) -> float:
+    """The error of a quantity that straight facets add if they approximate a curved boundary."""
+    share = POLYGON_SHARES.get(name)
+    return (POLYGON_SHARES["pressure"] * polygon) ** 2 if share is None else share * polygon
+
+
 def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
-    """A mesh with the errors that its straight facets add if they approximate a curved boundary."""
-    additions = {name: share * polygon**power for name, (share, power) in POLYGON_ERRORS.items()}
-    pressure = None if level.pressure is None else level.pressure + additions["pressure"]
-    return replace(
-        level,
-        energy=level.energy + additions["energy"],
-        pressure=pressure,
-        loads=level.loads + additions["force"],
-        polygon=polygon,
-    )
+    """A mesh with the errors that its straight facets add."""
+    pressure = None if level.pressure is None else level.pressure + polygon_error_of("pressure", polygon)
+    energy, loads = (polygon_error_of(name, polygon) for name in ("energy", "force"))
+    return replace(level, energy=level.energy + energy, pressure=pressure, loads=level.loads + loads, polygon=polygon)
 
 
 def expected_rates(degree: int) -> dict[str, float]:
@@ -107,7 +107,7 @@ def convergence_table(
             if error is not None:
                 # Changes of meshes that are divided here and there do not show the error elsewhere.
                 elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
-                errors["peak"] = error + elsewhere + level.loads + POLYGON_ERRORS["peak"][0] * level.polygon
+                errors["peak"] = error + elsewhere + level.loads + polygon_error_of("peak", level.polygon)
         errors["zone"] = border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
         level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
         row: dict[str, Any] = {name: getattr(level, name) for name in level_fields} | errors

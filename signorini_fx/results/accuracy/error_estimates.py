@@ -18,8 +18,13 @@ from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
-from signorini_fx.results.accuracy.peak_error import corner_rows
-from signorini_fx.results.accuracy.pressure_error import beside, interval_squares, on_facets, pressure_square
+from signorini_fx.results.accuracy.pressure_error import (
+    beside,
+    corner_rows,
+    interval_squares,
+    on_facets,
+    pressure_square,
+)
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.tuned import POLLUTION
 

@@ -25,7 +25,6 @@ from signorini_fx.tuned import (
     MARGIN,
     MARGIN_OF_ENERGY,
     MESHES_TIMES,
-    MOST_UNIFORM_UNKNOWNS,
     NEXT_ERROR,
     SAME_LENGTH,
     SPACE_FIXED,
@@ -85,8 +84,6 @@ class CostOfAccuracy:
         """What would be solved."""
         figures = 1 if self.next_error * 5 < self.error else 2  # a digit less
         share = f"{100 * self.next_error:.{figures}g} %"
-        if not self.local and self.next_dofs > MOST_UNIFORM_UNKNOWNS:
-            return f"{share}: uniform refinement does not get there"
         command = f" with {self.command}" if self.command else ""
         return f"{share}: {between(self.next_seconds)}{command}{'' if self.local else ', all cells smaller'}"
 
