@@ -164,8 +164,8 @@ class ContactProblem(ProblemOfForms):
         if solver.forms.weighted:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
             raise FormError([("stress", wrong)])
-        table, squares = contact_table(self.state, solver.forms.names), stress.recovery().squares(self.u)
-        return combined(solver.model(), table, squares, stress.energy())
+        table, squares = contact_table(self.state, solver.forms.names), stress.recovery.squares(self.u)
+        return combined(solver.model(), table, squares, stress.energy)
 
     def titled(self, title: str) -> Solution:
         from signorini_fx.forms.steps import solution_of

@@ -47,7 +47,7 @@ def stresses_of(
     forms: Sequence[Any],
     contact: Sequence[Facets],
     fixed: npt.NDArray[np.bool_],
-    shared: dict[str, StressRecovery] | None = None,
+    shared: dict[str, StressRecovery],
 ) -> RawStresses:
     """The stress of a displacement, raw and recovered, with the estimate of its error, for which the traction of
     compiled forms is not known; ``shared``: where what projects is kept for other displacements; collective.
@@ -55,20 +55,13 @@ def stresses_of(
     from signorini_fx.results.accuracy.stress_recovery import StressRecovery
     from signorini_fx.results.stresses import RawStresses
 
-    kept: dict[str, StressRecovery] = {} if shared is None else shared
-
-    def recovery() -> StressRecovery:
-        if "recovery" not in kept:
-            kept["recovery"] = made()
-        return kept["recovery"]
-
-    def made() -> StressRecovery:
+    def projects() -> StressRecovery:
         stress = stress_of(law, fem.Function(y.function_space), parts)
         all_ufl = all(isinstance(form, ufl.Form) for form in forms)
         residual = partial(residual_of, stress, forms, contact, fixed) if all_ufl else lambda z: None
         return StressRecovery(stress, lambda z: (lambda step: None, residual(z)))
 
-    return RawStresses(stress_of(law, y, parts), recovery, lambda: recovery().energy(y))
+    return RawStresses(stress_of(law, y, parts), projects, shared=shared)
 
 
 def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStress:

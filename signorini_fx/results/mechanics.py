@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from dolfinx import fem
@@ -100,17 +101,7 @@ class StatedBody(SolidBody):
         from signorini_fx.results.accuracy.stress_recovery import StressRecovery, element_stress
         from signorini_fx.results.stresses import RawStresses
 
-        def recovery() -> StressRecovery:
-            if "recovery" not in shared:
-                shared["recovery"] = StressRecovery.of(self)
-            return shared["recovery"]
-
-        def energy() -> float:
-            balance = self.balance(y, step)
-            nodal_displacements = y.x.array.reshape(-1, balance.surface.dimension)
-            return balance.strain_energy(balance.works(nodal_displacements[: balance.surface.owned]))
-
-        return RawStresses(element_stress(self, y, step), recovery, energy, step, model=self)
+        return RawStresses(element_stress(self, y, step), partial(StressRecovery.of, self), step, shared, model=self)
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         from signorini_fx.results.certificate.nodal_forces import NodalForces

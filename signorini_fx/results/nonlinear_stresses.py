@@ -42,7 +42,6 @@ from signorini_fx.results.stresses import (
     RawStresses,
     check_has_extremes,
     extreme_at,
-    not_recovered,
     principal_of,
     von_mises_of,
 )
@@ -229,13 +228,8 @@ class NonlinearStresses(RawStresses):
         tensor = fem.Function(fem.functionspace(mesh, ("DG", degree - 1, (3, 3))), name="stress")
         _fill(tensor, at_points, at_points.stress)
         outward = tensor[2, 2] if dim == 2 else None
-        stress = ElementStress(y, kinematics, within(tensor, dim), outward, not_recovered, None, None)
-        recovers = not_recovered, not_recovered
-        return cls(stress, *recovers, filled=tensor, at_points=at_points, model=model, plastic=plastic)
-
-    @property
-    def recovers(self) -> bool:
-        return False
+        stress = ElementStress(y, kinematics, within(tensor, dim), outward, lambda _: None, None, None)
+        return cls(stress, None, filled=tensor, at_points=at_points, model=model, plastic=plastic)
 
     @cached_property
     def tensor(self) -> fem.Function:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -186,21 +186,39 @@ class RawStresses(StressFields):
     the body, at ends of supports and at a contact edge may have no limit as the mesh is refined.
 
     Attributes:
-        recovery: gives what projects.
-        energy: gives the strain energy of the displacement.
+        projects: makes what projects; None: that of a nonlinear body, which is not recovered.
         place: of the load step in the lists of factors, see ``statement.load_path``.
+        shared: where what projects is kept for other displacements.
         model: the body of a scene; None: the forms alone are known.
     """
 
-    recovery: Callable[[], StressRecovery]
-    energy: Callable[[], float]
+    projects: Callable[[], StressRecovery] | None
     place: float = 0.0
+    shared: dict[str, StressRecovery] = field(default_factory=dict)
     model: Model | None = field(default=None, kw_only=True)
 
     @property
     def recovers(self) -> bool:
         """Whether there are a ``recovered`` stress and an estimated error."""
-        return True
+        return self.projects is not None
+
+    @property
+    def recovery(self) -> StressRecovery:
+        """What projects; collective.
+
+        Raises:
+            RuntimeError: the body is nonlinear.
+        """
+        if self.projects is None:
+            raise RuntimeError("a nonlinear body has no recovered stress")
+        if "recovery" not in self.shared:
+            self.shared["recovery"] = self.projects()
+        return self.shared["recovery"]
+
+    @cached_property
+    def energy(self) -> float:
+        """The strain energy of the stress; collective."""
+        return self.recovery.energy(self.stress.displacement, self.place)
 
     @property
     def plastic_strain(self) -> fem.Function | None:
@@ -233,7 +251,7 @@ class RawStresses(StressFields):
         Raises:
             RuntimeError: that of a nonlinear body.
         """
-        return RecoveredStresses(self.stress, self.recovery(), self.place)
+        return RecoveredStresses(self.stress, self.recovery, self.place)
 
     @cached_property
     def error(self) -> float | None:
@@ -243,14 +261,14 @@ class RawStresses(StressFields):
         It is the estimate of Zienkiewicz and Zhu, from the difference of raw and recovered stress, with the residual of
         the tractions on the boundary: a mean over the body that says nothing of a single point.
         """
-        if not self.recovers or not (energy := self.energy()) > 0:
+        if not self.recovers or not self.energy > 0:
             return None
-        return float(np.sqrt(parallel.global_sum(self.comm, self.squares.sum()) / (2 * energy)))
+        return float(np.sqrt(parallel.global_sum(self.comm, self.squares.sum()) / (2 * self.energy)))
 
     @cached_property
     def squares(self) -> npt.NDArray[np.float64]:
         """The squared error of each owned cell, an energy, shape (cells,); collective."""
-        return self.recovery().squares(self.stress.displacement, self.place)
+        return self.recovery.squares(self.stress.displacement, self.place)
 
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
@@ -307,11 +325,6 @@ class RawStresses(StressFields):
             return named | ({"no_limit": reasons[extreme.place]} if reasons else {})
 
         return {extreme: remark(extreme) for extreme in extremes}
-
-
-def not_recovered(*_: Any) -> NoReturn:
-    """In the place of what recovers the stress of a nonlinear body."""
-    raise RuntimeError("a nonlinear body has no recovered stress")
 
 
 def von_mises_of(sigma: Nodal) -> Nodal:
