@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any, get_args
 
-from signorini_fx.quantities.quantity import own_quantities
-from signorini_fx.quantities.summary import Row, Run, Summary
+from signorini_fx.quantities.summary import Row, Run, Summary, own_quantities
 
 
 def markdown() -> str:

@@ -19,7 +19,7 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.statement.units import with_unit
-from signorini_fx.quantities.quantity import Quantity, own_quantities
+from signorini_fx.quantities.summary import Quantity, own_quantities
 from signorini_fx.records import JUDGED, SHORT_OF_ACCURACY, Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAR_GAP, FEW_NODES, NEGLIGIBLE
 

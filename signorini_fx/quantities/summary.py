@@ -1,11 +1,21 @@
-"""summary.json as pydantic models, from which its schema, its table in the documentation and its reading are made."""
+"""summary.json as pydantic models, from which its schema, its table in the documentation and its reading are made, and
+the quantities that other packages add to it; without FEniCSx.
+"""
 
 from __future__ import annotations
 
+import os
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from typing_extensions import TypeAliasType
+
+from signorini_fx.errors import InstallationError, ResultError
+from signorini_fx.extensions import QUANTITIES, load, names_of
+from signorini_fx.machine.result_files import read_csv, read_summary
 
 # It grows when a key goes or changes its meaning, not when one is added.
 SCHEMA_VERSION = 1
@@ -397,3 +407,102 @@ class Summary(Run):
         "A guaranteed bound of the error in the energy norm, where the scene asks for it."
     )
     cost: CostFigures = perhaps("What the accuracy took, and what a better one would take; a forecast.")
+
+
+@dataclass(frozen=True)
+class Results:
+    """What ``solve`` has written.
+
+    Attributes:
+        path: of the folder.
+        summary: summary.json: each key is an attribute, rows of lists too; None: there is no such key.  Quantities that
+            are not installed are there as they are in the file.
+    """
+
+    path: Path
+    summary: Summary
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """The names of the tables, such as ``contact``."""
+        return tuple(sorted(file.stem for file in self.path.glob("*.csv")))
+
+    def table(self, name: str) -> dict[str, Any]:
+        """The columns of a table as arrays.
+
+        Raises:
+            ResultError: there is no such table, or it cannot be read.
+        """
+        if name not in self.tables:
+            raise ResultError(f"{self.path}: has no table {name!r}; there are: {', '.join(self.tables)}")
+        try:
+            return read_csv(self.path / f"{name}.csv")
+        except (OSError, ValueError) as error:
+            raise ResultError(f"{self.path}: {name}.csv cannot be read: {error}") from None
+
+
+def read_results(folder: str | os.PathLike[str]) -> Results:
+    """Read a result folder.
+
+    Raises:
+        ResultError: it is none, or its summary is not as ``solve`` writes it.
+    """
+    path = Path(folder)
+    summary = read_summary(path)
+    try:
+        return Results(path, Summary.model_validate(summary))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        raise ResultError(
+            f"{path}: summary.json is not what solve writes: {key}: {first['msg']}: solve again"
+        ) from None
+
+
+class Quantity:
+    """A result of one's own: a class with this as its base sets ``key`` and ``title`` and has the method ``value``.
+
+    It is in summary.json, on the terminal, in the report, and in steps.csv if it is a number.
+
+    Attributes:
+        key: its name in summary.json.
+        title: what it is, in words.
+        unit: what it is measured in, a word of ``units.names_of`` such as ``force``; "": it has no unit.
+    """
+
+    key: str
+    title: str
+    unit: str = ""
+
+    def value(self, solution: Any) -> float | list[float] | None:
+        """A number or a list of numbers; None: this solution has none; collective.
+
+        Args:
+            solution: a ``Solution``, of a load step if there are several.
+        """
+        raise NotImplementedError
+
+
+def own_quantities() -> tuple[Quantity, ...]:
+    """Those that are installed or registered.
+
+    Raises:
+        InstallationError: one of them cannot be used.
+    """
+    return tuple(_usable(name, load(QUANTITIES, name)) for name in names_of(QUANTITIES))
+
+
+@cache
+def _usable(name: str, extension: Any) -> Quantity:
+    """A quantity from an object, or from a class that needs no arguments.
+
+    Raises:
+        InstallationError: it is none, or its key is taken.
+    """
+    quantity = extension() if isinstance(extension, type) else extension
+    if not isinstance(quantity, Quantity) or not isinstance(getattr(quantity, "title", None), str):
+        raise InstallationError(f"the quantity {name!r} is no signorini_fx.Quantity with a key and a title")
+    taken = {*Summary.model_fields, *RowOfSteps.model_fields}
+    if getattr(quantity, "key", None) != name or not name.isidentifier() or name in taken:
+        raise InstallationError(f"the quantity {name!r} needs a key that is its name, an identifier that is not taken")
+    return quantity

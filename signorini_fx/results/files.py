@@ -24,7 +24,6 @@ from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.shown import marked_stress
 from signorini_fx.quantities.values import of_fields
 from signorini_fx.records import Finding, as_columns
-from signorini_fx.results import deferred_quantities
 from signorini_fx.results.fields import (
     FIELD_FILES,
     VTU,
@@ -34,7 +33,7 @@ from signorini_fx.results.fields import (
 )
 from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.summary import summary_of
+from signorini_fx.results.summary import asked, not_yet_there, post_processing, proved, summary_of
 
 # Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
 ON_DEMAND = ("pressure", "displacement", "density")
@@ -148,15 +147,15 @@ class _Written:
             findings.append(asdict(Finding("note", "pictures", f"are not drawn: {missing}")))
             self._on_root(lambda: say(f"pictures are not drawn: {missing}"))
         drawn = ["pictures"] if gather is not None else []
-        self._put(summary, [*deferred_quantities.asked(solution), "tables", *drawn])
+        self._put(summary, [*asked(solution), "tables", *drawn])
         folder.commit()
-        deferred_quantities.post_processing(solution.comm, "tables", findings, lambda: self._tables(table))
-        summary |= deferred_quantities.proved(solution, findings)
+        post_processing(solution.comm, "tables", findings, lambda: self._tables(table))
+        summary |= proved(solution, findings)
         self._put(summary, drawn)
         folder.add()
         if gather is not None:
             count = len(findings)
-            deferred_quantities.post_processing(
+            post_processing(
                 solution.comm, "pictures", findings, lambda: self._pictures(table, gather(solution), summary)
             )
             if len(findings) > count:
@@ -227,7 +226,7 @@ class _Written:
 
     def _put(self, summary: dict[str, Any], absent: list[str]) -> None:
         """Write the summary, with what it lacks so far."""
-        findings = [*summary["findings"], *deferred_quantities.missing(absent)]
+        findings = [*summary["findings"], *not_yet_there(absent)]
         text = json.dumps(_for_json({**summary, "findings": findings}), indent=2, allow_nan=False)
         self._on_root(lambda: (self.folder.part / SUMMARY).write_text(text + "\n", encoding="utf-8"))
 

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.quantities.quantity import own_quantities
+from signorini_fx.quantities.summary import own_quantities
 from signorini_fx.records import History
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh

@@ -12,8 +12,7 @@ from pydantic import BaseModel
 from signorini_fx.mechanics.statement.base import tables
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.settings import known_linear_algebra
-from signorini_fx.quantities.quantity import own_quantities
-from signorini_fx.quantities.summary import Summary
+from signorini_fx.quantities.summary import Summary, own_quantities
 from signorini_fx.scenes.scene import Scene
 
 

@@ -33,8 +33,8 @@ from signorini_fx.results.accuracy.convergence_table import (
 from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import LOCAL
 from signorini_fx.results.accuracy.pressure_error import diverging_row
-from signorini_fx.results.deferred_quantities import failure_in_words
 from signorini_fx.results.solution import Solution
+from signorini_fx.results.summary import failure_in_words
 from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import SolvedMesh, Unsolved
 from signorini_fx.tuned import (

@@ -20,7 +20,7 @@ from signorini_fx import (
 )
 from signorini_fx.addons.report.page import page
 from signorini_fx.extensions import QUANTITIES
-from signorini_fx.quantities.quantity import own_quantities
+from signorini_fx.quantities.summary import own_quantities
 from signorini_fx.results.summary import render, short_answer, summarise
 from signorini_fx.scenes.template import summary_schema
 
