@@ -21,14 +21,13 @@ from signorini_fx.errors import InstallationError, MissingPackageError
 ADD_ONS = "signorini_fx.add_ons"
 EFFECTS = "signorini_fx.effects"
 GENERATORS = "signorini_fx.generators"
-INTERFACES = "signorini_fx.interfaces"
 KINEMATICS = "signorini_fx.kinematics"
 LAWS = "signorini_fx.laws"
 LINEAR_SOLVERS = "signorini_fx.linear_solvers"
 MATERIALS = "signorini_fx.materials"
 QUANTITIES = "signorini_fx.quantities"
 SHAPES = "signorini_fx.shapes"
-GROUPS = (ADD_ONS, EFFECTS, GENERATORS, INTERFACES, KINEMATICS, LAWS, LINEAR_SOLVERS, MATERIALS, QUANTITIES, SHAPES)
+GROUPS = (ADD_ONS, EFFECTS, GENERATORS, KINEMATICS, LAWS, LINEAR_SOLVERS, MATERIALS, QUANTITIES, SHAPES)
 _CHECKOUT = Path(__file__).parents[1] / "pyproject.toml"
 _registered: dict[str, dict[str, Any]] = {}
 # What has to know of each name that a program registers in a group.
@@ -47,7 +46,10 @@ def register(group: str, name: str, extension: Any) -> None:
         InstallationError: there is no such group.
     """
     if group not in GROUPS:
-        raise InstallationError(f"{group!r} is no group of extensions; these are: {', '.join(GROUPS)}")
+        from signorini_fx.removed import removal
+
+        reason = removal(group) or f"is no group of extensions; these are: {', '.join(GROUPS)}"
+        raise InstallationError(f"{group!r} {reason}")
     _registered.setdefault(group, {})[name] = extension
     for listener in _listeners.get(group, ()):
         listener(name)

@@ -36,6 +36,7 @@ INSTEAD: dict[str, str] = {
     "material.poisson_grading": "write one [[material]] for each region of the mesh",
     "contact.foundation.shape = edge": "use 'polyline', in 3D a 'surface' from a file",
     "contact.foundation.shape = spline": "use a 'polyline' through more points of the curve",
+    "signorini_fx.interfaces": "state what acts on a boundary as a force, by an effect of group signorini_fx.effects",
     "signorini-fx compare": "compare the numbers of the two summary.json and contact.csv",
     "signorini-fx gauntlet": "compare a result of another program by signorini-fx judge",
     "signorini-fx judge --alone": "leave it out: the distance from our solution is the verdict",

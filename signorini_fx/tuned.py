@@ -352,9 +352,8 @@ WRONG_SLOPE = 1e-2
 
 # --- sections with a preload -----------------------------------------------------------------------------------------
 
-# A loose section is shortened by this many times more, and by at most that many times more if it is not loose.
-# No record.
-SHORTENED_IF_LOOSE, SHORTENED_AT_MOST = 4.0, 30.0
+# A section that holds less than its force over this is shortened by at most this many times more.  No record.
+SHORTENED_AT_MOST = 30.0
 
 # --- limits of time and memory ---------------------------------------------------------------------------------------
 

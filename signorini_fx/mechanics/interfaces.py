@@ -2,7 +2,7 @@
 foundation; a pair of two sides, or with ``bonded`` a bond of both.
 
 ``effects.contact`` has those of scenes, ``obstacles.foundations_on_points`` all of them on their contact points.
-Bolts and overclosures, for which a load step finds shortenings, are in ``solving.iterated_interfaces``.
+Bolts, for which a load step finds shortenings, are in ``solving.bolt_preloads``.
 """
 
 from __future__ import annotations

@@ -152,7 +152,7 @@ def section_forces(
     """
     from signorini_fx.results.certificate.nodal_forces import NodalForces
 
-    if not statement.interfaces:
+    if not statement.preloads:
         return []
     nodal = NodalForces(statement, tagged, displacement.function_space)
     return [

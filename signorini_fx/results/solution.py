@@ -190,9 +190,9 @@ class Solution:
 
     @property
     def _own_code(self) -> list[str]:
-        """The laws, materials, shapes, effects, interfaces and kinematics of other packages."""
+        """The laws, materials, shapes, effects and kinematics of other packages."""
         statement = self.statement
-        used = [entry for _, entry in statement.listed()] + [statement.kinematics, *statement.interfaces]
+        used = [entry for _, entry in statement.listed()] + [statement.kinematics]
         used += [part for entry in statement.contact for part in (entry.friction, entry.foundation) if part is not None]
         return list(dict.fromkeys(type(entry).__name__ for entry in used if not is_of_package(type(entry))))
 

@@ -79,7 +79,7 @@ def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
 def _on_one_mesh(scene: Scene) -> bool:
     """Whether a scene is one contact problem with one linear body on one mesh."""
     statement = scene.statement
-    several = statement.nonlinear or statement.several_steps or statement.interfaces or scene.accuracy is not None
+    several = statement.nonlinear or statement.several_steps or statement.preloads or scene.accuracy is not None
     return bool(scene.contact) and not several and scene.solver.levels == 1
 
 

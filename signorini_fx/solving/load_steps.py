@@ -12,13 +12,17 @@ from dataclasses import dataclass, field, replace
 from math import floor
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+import numpy as np
+
+from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.method import HALF, step_limit
 from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History, Status, StepRecord, Timings
-from signorini_fx.results.mechanics import StepResult
+from signorini_fx.results.certificate.law_of_method import overclosures_of
+from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.loose_bodies import explained
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody
@@ -244,7 +248,8 @@ class StepProgress:
         self.body = self.body.ended(self.end)
 
     def _begun(self, path_step: float) -> BegunStep:
-        return self.body.begun(path_step, self.task, self.first, self.end)
+        begun = self.body.begun(path_step, self.task, self.first, self.end)
+        return replace(begun, start=_with_overclosures(begun.body.model, begun.start))
 
     def _solved(self) -> LoadStep | None:
         history, path, newton = self.task.history, self.path, self.task.newton
@@ -265,8 +270,6 @@ class StepProgress:
 
     def _attempt(self) -> LoadStep:
         """Solve the next load step, which may have no solution."""
-        from signorini_fx.solving.iterated_interfaces.protocol import LoadStepStart, solve_step
-
         history, steps, place = self.task.history, self.body.path, self.path.next
         solves_before = history.linear_solves
         begun = self._begun(place)
@@ -274,10 +277,16 @@ class StepProgress:
         start = replace(begun.start, place=place, factors=factors, several=steps.several)
         if steps.several:
             history.add(StepRecord(start.step + 1, steps.name_at(place), steps.time_at(place)))
+        problem, reason = (begun.body.model, begun.task, start, self.path.allowed), None
         with begun.body.timings.phase("iterate"):
-            end = solve_step(LoadStepStart(begun.body.model, begun.task, start, self.path.allowed))
-        begun = replace(begun, body=replace(begun.body, model=end.model), start=end.start)
-        outcome, reason = end.outcome, end.reason
+            if begun.body.model.statement.tightens(place):
+                from signorini_fx.solving.bolt_preloads import solve_tightened
+
+                model, start, outcome, reason = solve_tightened(*problem)
+                begun = replace(begun, body=replace(begun.body, model=model))
+            else:
+                outcome = solve_task(*problem[1:])
+        begun = replace(begun, start=start)
         if reason is None:
             when = f"load step {start.step + 1}: " if steps.several else ""
             reason = explained(begun.body.model, begun.task, outcome, when)
@@ -287,8 +296,10 @@ class StepProgress:
 
     def _store(self, checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
         model, figures = step.body.model, {"path": self.path.stored()}
-        for interface in model.statement.interfaces:
-            figures |= interface.stored(model, step.start.place)
+        if model.statement.preloads:
+            from signorini_fx.solving.bolt_preloads import shortenings
+
+            figures["shortenings"] = shortenings(model, step.start.place)
         checkpoint.store(model, step.body.timings, step.task, step.start, step.outcome, step.result, marks, figures)
 
     def _recalled(self, checkpoint: MeshCheckpoint) -> LoadStep | None:
@@ -301,8 +312,10 @@ class StepProgress:
         with self.body.timings.phase("restart"):
             begun = self._begun(place)
             model = begun.body.model
-            for interface in model.statement.interfaces:
-                model = interface.recalled(model, place, figures)
+            if model.statement.preloads:
+                from signorini_fx.solving.bolt_preloads import with_shortenings
+
+                model = with_shortenings(model, place, figures["shortenings"])
             body = replace(begun.body, model=model)
             start = replace(begun.start, place=place, factors=body.load(begun.task.system, place))
             begun = replace(begun, body=body, start=start)
@@ -320,6 +333,17 @@ class StepProgress:
         step = LoadStep.of(begun, outcome, replace(result, linear_solves=self.path.last))
         self._take(step)
         return step
+
+
+def _with_overclosures(model: SolidBody, start: Start) -> Start:
+    """The start where points of soft contact have the stiffness of their law in place of gamma_n."""
+    laws = overclosures_of(model.statement)
+    if model.boundary is None or not laws:
+        return start
+    share = np.ones(model.boundary.size)
+    for number, law in laws.items():
+        share[model.boundary.part == number] = law.stiffness / start.data.gamma_n
+    return replace(start, data=replace(start.data, share=share))
 
 
 def _marks(history: History) -> Marks:

@@ -22,7 +22,6 @@ DEMOS = ROOT / "demos" / "extensions"
 SPOILED = {
     "body": ("J=tangent", "J=-tangent", "give the derivative of F as J"),
     "effect": ("* on.vector((0.0, -1.0, 0.0))", "", r"magnet\[0\]: density of Magnet has the shape \(\), not \(2,\)"),
-    "interface": ("pull = effect.tension", "pull = -effect.tension", "Suction or AtContactPoints contradicts itself"),
     "kinematics": ("return self.angle * x[0]", "return -self.angle * x[0]", "measure of 'slice' is not positive"),
     "law": ("return self.coefficient /", "return -self.coefficient /", "limit of Smooth exceeds"),
     "linear_solver": ("self.pc.apply(b, x)", "x.set(0.0)", "the linear solver 'block-low-rank' of another package"),
@@ -97,9 +96,6 @@ boundary = "top"
 centre = [1.5, -0.5]
 radius = 0.5
 strength = 20.0
-[[suction]]
-boundary = "bottom"
-tension = 0.1
 [[contact]]
 boundary = "bottom"
 foundation = { shape = "rounded box", centre = [1.5, -0.502], half = [3.6, 0.3], radius = 0.2 }
@@ -110,15 +106,14 @@ friction = { law = "tresca", bound = 0.5 }
 @pytest.mark.slow
 def test_installed(tmp_path):
     """By entry points of an installed package, from the command line: keys, shapes and hypotheses have their names."""
-    modules = {name: DEMOS / f"{name}.py" for name in ("effect", "interface", "kinematics", "shape")}
+    modules = {name: DEMOS / f"{name}.py" for name in ("effect", "kinematics", "shape")}
     for name, file in modules.items():
         (tmp_path / f"their_{name}.py").write_bytes(file.read_bytes())
     data = tmp_path / "theirs-1.dist-info"
     data.mkdir()
     (data / "METADATA").write_text("Name: theirs\nVersion: 1\n", encoding="utf-8")
     (data / "entry_points.txt").write_text(
-        "[signorini_fx.effects]\nmagnet = their_effect:Magnet\nsuction = their_interface:Suction\n"
-        "[signorini_fx.interfaces]\nsuction = their_interface:AtContactPoints\n"
+        "[signorini_fx.effects]\nmagnet = their_effect:Magnet\n"
         "[signorini_fx.kinematics]\nslice = their_kinematics:SLICE\n"
         "[signorini_fx.shapes]\nrounded box = their_shape:RoundedBox\n",
         encoding="utf-8",

@@ -5,7 +5,7 @@ from mpi4py import MPI
 
 import signorini_fx
 from signorini_fx import InstallationError, SceneError, SolverSettings
-from signorini_fx.extensions import add_on
+from signorini_fx.extensions import add_on, register
 from signorini_fx.mechanics.statement.changes import changed
 from signorini_fx.removed import INSTEAD
 from signorini_fx.scenes import cli
@@ -45,6 +45,10 @@ def told_of(name, capsys):
             cli.main(words_of(name))
         assert end.value.code == 2
         return capsys.readouterr().err
+    if name.startswith("signorini_fx."):
+        with pytest.raises(InstallationError) as refusal:
+            register(name, "mine", object)
+        return str(refusal.value)
     if name.isidentifier() and name != name.lower():
         with pytest.raises(ImportError) as error:
             getattr(signorini_fx, name)

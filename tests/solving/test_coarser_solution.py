@@ -14,7 +14,7 @@ from signorini_fx.algebra.linalg import krylov
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Status
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.iterated_interfaces import protocol
+from signorini_fx.solving import load_steps
 
 # Unknowns of the meshes before the one that fails: 13 x 5 nodes, or 7 x 3 of the forms; the others have more.
 MOST = 2 * 13 * 5
@@ -39,11 +39,11 @@ def ends_with(status, fails=lambda unknowns: unknowns > MOST):
     """Every contact problem of such a mesh ends so."""
 
     def fault(monkeypatch):
-        def solved(task, *args, usual=protocol.solve_task):
+        def solved(task, *args, usual=load_steps.solve_task):
             outcome = usual(task, *args)
             return replace(outcome, status=status) if fails(outcome.displacement().getSize()) else outcome
 
-        monkeypatch.setattr(protocol, "solve_task", solved)
+        monkeypatch.setattr(load_steps, "solve_task", solved)
 
     return fault
 

@@ -31,7 +31,6 @@ LAYERS = (
     "forms",
     "solving",
     "solving.check",
-    "solving.iterated_interfaces",
     "results",
     "results.certificate",
     "quantities",

@@ -150,8 +150,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
             bonded = [k for k, contact in enumerate(statement.contact) if contact.bonded]
             held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
             applied += jump_loads(jumps, space, elastic, held)
-        if boundary is not None:
-            applied += [load for interface in statement.interfaces for load in interface.loads(tagged, space, boundary)]
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),

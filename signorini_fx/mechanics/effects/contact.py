@@ -195,13 +195,6 @@ class UnilateralContact(Contact):
     overclosure: Overclosure | None = None
 
     @property
-    def interface(self) -> str:
-        return "" if self.overclosure is None else "overclosures"
-
-    def depends_on_solution_at(self, statement: Any, step: float) -> str:
-        return "" if self.overclosure is None else "contact gives way under its pressure"
-
-    @property
     def features(self) -> Features:
         return (*super().features, *([] if self.overclosure is None else [("soft contact", ("overclosure",))]))
 

@@ -68,15 +68,8 @@ class Preload(Load):
         return {key: getattr(self, key)}
 
     @property
-    def interface(self) -> str:
-        return "bolt_preloads" if self.acts else ""
-
-    @property
     def features(self) -> Features:
         return (*super().features, *((("shortening by force", ("force",)),) if self.force is not None else ()))
-
-    def depends_on_solution_at(self, statement: Any, step: float) -> str:
-        return "" if self.force_at(statement, step) is None else "a force determines the shortening of a section"
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         path = ("preload", number)

@@ -1,14 +1,8 @@
-"""Strains without stress: initial strains, and jumps of the displacement, with the forces that keep it continuous else.
-
-Beyond a section cells move against the nodes that they share with those before it, as if these nodes were there twice:
-with the unit vector n across the section the displacement in a cell beyond it is that of its nodes minus s n at those
-on the section, where s is the amount.  So no node is added, and nothing but the strain of these cells changes.
-"""
+"""Initial strains, and jumps of the displacement, with the forces that keep it continuous else."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,54 +18,23 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.effect import InitialStrain, Load
+from signorini_fx.mechanics.statement.effect import InitialStrain
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import ROOT_OF_EPS
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
-
-_Floats = npt.NDArray[np.float64]
-_Flags = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Jump:
-    """A jump on this rank.
-
-    Attributes:
-        path: of its entry in the scene.
-        entry: that entry.
-        amount: s, length, at a place in the lists of factors.
-        axis: n, shape (d,).
-        nodes: which nodes lie on its section, ghosts included, shape (nodes,).
-        cells: the cells beyond it with such nodes, ghosts included, shape (c,).
-    """
-
-    path: str
-    entry: Load
-    amount: Callable[[float], float]
-    axis: _Floats
-    nodes: _Flags
-    cells: npt.NDArray[np.int32]
-
-    @property
-    def at_nodes(self) -> _Floats:
-        """J: what an amount of one adds to the displacement of nodes in cells beyond it, shape (nodes, d)."""
-        return np.where(self.nodes[:, None], -self.axis, 0.0)
-
-    def on(self, space: fem.FunctionSpace) -> fem.Function:
-        """J as a function without continuity; ``space``: of the displacement."""
-        dim = self.axis.size
-        jump = fem.Function(fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (dim,))))
-        of_cells = jump.function_space.dofmap.list[self.cells]
-        jump.x.array.reshape(-1, dim)[of_cells] = self.at_nodes[space.dofmap.list[self.cells]]
-        return jump
+    from signorini_fx.mechanics.loads.bolt_sections import Jump
 
 
 def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
     """Those of a scene; collective."""
-    return [jump for interface in statement.interfaces for jump in interface.jumps(tagged, space)]
+    if not statement.preloads:
+        return []
+    from signorini_fx.mechanics.loads.bolt_sections import jump_at
+
+    acting = [(path, entry) for path, entry in statement.listed() if entry in statement.preloads]
+    return [jump_at(path, entry, statement, tagged, space) for path, entry in acting]
 
 
 def jump_loads(

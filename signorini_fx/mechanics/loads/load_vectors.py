@@ -231,7 +231,7 @@ class LoadGroup(NamedTuple):
 
 
 def load_groups(statement: Statement) -> dict[LoadGroup, list[Load]]:
-    """The loads of the scene by what they share, without those that are zero or that an interface assembles."""
+    """The loads of the scene by what they share, without those that are zero or that ``initial_strains`` assembles."""
     groups: dict[LoadGroup, list[Load]] = {}
     for load in statement.loads:
         if load.acts and load.grouped:

@@ -111,8 +111,7 @@ class NonlinearMaterial(Material):
                     yield ("displacement", row, "holds"), f"{_NOT_YET} in contact of two bodies"
         for key, entries in statement.effects.items():
             for row, effect in enumerate(entries):
-                foreign = not is_of_package(type(effect))
-                if foreign and (isinstance(effect, Resistance) or effect.interface):
+                if isinstance(effect, Resistance) and not is_of_package(type(effect)):
                     yield (key, row), _NOT_YET
 
     # --- what linear materials say ---

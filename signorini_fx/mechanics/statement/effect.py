@@ -182,22 +182,9 @@ class Effect(Table):
         return self.model_copy(update=moved)
 
     @property
-    def interface(self) -> str:
-        """The file of ``solving.iterated_interfaces`` that has what it contributes beside forms and contact points; "":
-        none does.
-        """
-        return ""
-
-    @property
     def features(self) -> Features:
         """The names by which other objects refuse it, see ``statement.features``, with the keys that ask for them."""
         return ((self.label, ()),)
-
-    def depends_on_solution_at(self, statement: Any, step: float) -> str:
-        """What of it is known only with the solution at a place in the lists of factors, as a clause, so that its
-        ``interface`` solves the load step; "": all is known.
-        """
-        return ""
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         """Why it does not go together with other entries: the place of the error in the scene, and the reason.

@@ -9,10 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib import import_module
 from typing import Any, Self, TypeVar
 
-from signorini_fx.extensions import INTERFACES, load_class, modules_of
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.mechanics.statement.effect import Effect, Force, Load
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at, time_at
@@ -21,8 +19,6 @@ from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, Sol
 from signorini_fx.mechanics.statement.units import unit_names
 
 _Effect = TypeVar("_Effect", bound=Effect)
-# The package whose files have the interfaces of this one.
-_INTERFACES = "signorini_fx.solving.iterated_interfaces"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,21 +144,14 @@ class Statement:
         names = (getattr(effect, "section", None) for _, effect in self.listed())
         return tuple(name for name in names if name is not None)
 
-    @cached_property
-    def interfaces(self) -> list[Any]:
-        """Those of its entries, one ``interfaces.protocol.Interface`` for each kind; other packages add kinds by entry
-        points ``signorini_fx.interfaces``.
-        """
-        kinds: dict[str, dict[str, Any]] = {}
-        for path, effect in self.listed():
-            if effect.interface:
-                kinds.setdefault(effect.interface, {})[path] = effect
-        return [_interface_class(kind)(self, entries) for kind, entries in kinds.items()]
+    @property
+    def preloads(self) -> tuple[Any, ...]:
+        """The sections across bolts that are shortened."""
+        return tuple(entry for entry in self.effects.get("preload", ()) if entry.acts)
 
-    def depends_on_solution_at(self, step: float) -> dict[str, str]:
-        """What is known only with the solution at a place in the lists of factors: clauses by the paths of entries."""
-        words = {path: effect.depends_on_solution_at(self, step) for path, effect in self.listed()}
-        return {path: clause for path, clause in words.items() if clause}
+    def tightens(self, step: float) -> bool:
+        """Whether forces tighten sections at a place in the lists of factors, whose shortenings are unknowns there."""
+        return any(entry.force_at(self, step) is not None for entry in self.preloads)
 
     def drives(self, dimension: int, step: float) -> list[tuple[Any, Any]]:
         """What drives each rigid body at a place in the lists of factors, see ``now``: forces and moments, and the
@@ -269,10 +258,3 @@ class Statement:
     def has_coulomb(self) -> bool:
         """Whether any friction bound depends on the contact pressure."""
         return any(effect.coulomb for effect in self.contact)
-
-
-def _interface_class(kind: str) -> Any:
-    """The class of a kind of interfaces, whose file is imported."""
-    if kind in modules_of(_INTERFACES):
-        return import_module(f"{_INTERFACES}.{kind}").Kind
-    return load_class(INTERFACES, kind, import_module(f"{_INTERFACES}.protocol").Interface)

@@ -41,7 +41,10 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTHING_LEFT
 _EVALUATIONS = 60
 # More components of contact points than this are not looked at: the matrices are dense.
 _MOST_COMPONENTS = 1200
-_DRIVEN = {"driven foundation": "a force moves a foundation"}
+_NOT_TRIED = {
+    "driven foundation": "a force moves a foundation",
+    "soft contact": "contact gives way under its pressure",
+}
 
 
 def uniqueness_findings(model: Model) -> list[Finding]:
@@ -71,8 +74,8 @@ def _contact_stiffness(model: Model) -> tuple[Nodal, Nodal] | str:
     assert law is not None
     for wrong, reason in (
         # What is an unknown as well the stiffness takes as fixed.
-        *((True, f"not tried where {clause}") for clause in model.statement.depends_on_solution_at(load_step).values()),
-        *((True, f"not tried where {clause}") for _, clause in refused_by(model.statement, _DRIVEN)),
+        *((True, f"not tried where {clause}") for _, clause in refused_by(model.statement, _NOT_TRIED)),
+        (model.statement.tightens(load_step), "not tried where a force determines the shortening of a section"),
         (law.ends_open is not None, "where a point opens, its friction ends with a jump"),
         (bool(law.laws), law.unknown),
         (model.comm.size > 1, "the proof is for one rank"),

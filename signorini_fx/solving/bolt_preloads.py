@@ -1,0 +1,118 @@
+"""Sections across bolts that are shortened, by a given length or until a force goes through them.
+
+What is beyond a section jumps against what is before it, see ``loads.initial_strains``.  In a load step in which forces
+tighten sections the shortenings are found at which these forces go through them: the forces N(s) grow with the
+shortenings s, and are linear in them while no contact point changes its state.  The contact problem is solved for one s
+after the other by the method of C. G. Broyden, Math. Comp. 19 (1965) 577-593; for one section it is that of secants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from signorini_fx.algebra.algorithms.strategy import solve_task
+from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.contact.nodal_vectors import Nodal
+from signorini_fx.mechanics.effects.preload import Preload
+from signorini_fx.records import Finding, Status
+from signorini_fx.results.contact_figures import section_forces
+from signorini_fx.results.mechanics import SolidBody
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, SHORTENED_AT_MOST
+
+# Contact problems for one load step.
+_MOST_PROBLEMS = 30
+
+
+def solve_tightened(
+    model: SolidBody, task: Task, start: Start, max_iterations: int | None
+) -> tuple[SolidBody, Start, Outcome, Finding | None]:
+    """The last contact problem of a load step in which forces tighten sections; collective.
+
+    Returns:
+        The model with the shortenings, where the problem starts, how it ended, and why there is no solution, if known.
+    """
+    place, newton = start.place, task.newton
+    loads = _tightened(model, place)
+    of_all = [k for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)]
+    numbers = [of_all.index(k) for k in loads]
+    wanted = np.array([entry.force_at(model.statement, place) for entry in loads.values()], dtype=np.float64)
+    previous = np.array(shortenings(model, place))
+    # Shortenings s, and ``slope``, length per force: Broyden's approximation of the inverse of dN/ds, empty until
+    # every section holds some of its force; ``last`` are s and N of the iterate before.
+    s = np.where(previous > 0, previous, wanted / model.scales.stiffness(model.scales.size))
+    slope, last, best = np.empty((0, 0)), (s, s), np.inf
+    for _ in range(_MOST_PROBLEMS):
+        model = with_shortenings(model, place, s)
+        start, begun = replace(start, factors=model.factors(place)), newton.checkpoint()
+        outcome, force = solve_task(task, start, max_iterations), np.zeros_like(s)
+        if outcome.status is Status.CONVERGED:
+            y = model.from_rest(task.rest, outcome.displacement())
+            force = np.array([row.force for row in section_forces(model.statement, model.tagged, y, place)])[numbers]
+        elif slope.size or outcome.status is Status.NOT_HELD:  # whatever the shortenings are
+            return model, start, outcome, None
+        missing = float(np.abs(wanted - force).max() / wanted.max())
+        task.history.add(f"sections shortened by {', '.join(f'{entry:.6g}' for entry in s)}: forces miss {missing:.1e}")
+        if missing <= LEFT_BY_SOLVES or best / 2 <= missing <= CERTIFICATE_TOLERANCE:
+            return model, start, outcome, None
+        if outcome.status is Status.CONVERGED:
+            start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
+        else:
+            newton.restore(begun)
+        if not slope.size and (SHORTENED_AT_MOST * force < wanted).any():
+            loose = np.where(force <= CERTIFICATE_TOLERANCE * wanted, s, 0.0)
+            if loose.max() > model.scales.size:
+                reason = _loose(model, [*loads.values()][int(np.argmax(loose))], start)
+                return model, start, replace(outcome, status=Status.OPEN), reason
+            s = s * wanted / np.maximum(force, wanted / SHORTENED_AT_MOST)
+            continue
+        if not slope.size:  # as if the forces were proportional to the shortenings
+            slope = np.diag(s / force)
+        else:
+            ds, dn = s - last[0], force - last[1]
+            slope = slope + np.outer(ds - slope @ dn, ds @ slope) / (ds @ slope @ dn)
+        best, last = min(best, missing), (s, force)
+        s = s + slope @ (wanted - force)
+    return model, start, replace(outcome, status=Status.OUTER_MAX_ITERATIONS), None
+
+
+def _tightened(model: SolidBody, step: float) -> dict[int, Preload]:
+    """The loads that are sections which forces tighten at a place, by their numbers."""
+    entries = {k: load.entry for k, load in enumerate(model.applied) if isinstance(load.entry, Preload)}
+    return {k: entry for k, entry in entries.items() if entry.force_at(model.statement, step) is not None}
+
+
+def shortenings(model: SolidBody, step: float) -> list[float]:
+    """Those that forces have led to at a place, in the order of ``_tightened``, length."""
+    return [model.applied[k].factor(step) for k in _tightened(model, step)]
+
+
+def _loose(model: SolidBody, entry: Preload, start: Start) -> Finding:
+    """What to say of a section that is shortened by more than the size of the body, without any force."""
+    when = f"load step {start.step + 1}: " if model.statement.several_steps else ""
+    message = (
+        f"{when}{entry.name}: no force goes through it even if it is shortened by the size of "
+        "the body: a part that it pulls at comes loose, or never meets what it is to clamp; check the gaps and "
+        "the contacts of both parts"
+    )
+    return Finding("warning", "preload", message)
+
+
+def with_shortenings(model: SolidBody, step: float, lengths: Sequence[float] | Nodal) -> SolidBody:
+    """The same with shortenings that were found at a place; nothing is assembled again."""
+    shortened = zip(_tightened(model, step).values(), lengths, strict=True)
+    tight = {id(entry): entry.tightened(step, float(s)) for entry, s in shortened}
+    changed = {
+        key: tuple(tight.get(id(entry), entry) for entry in entries)
+        for key, entries in model.statement.effects.items()
+        if any(id(entry) in tight for entry in entries)
+    }
+    statement, applied = model.statement.changed(**changed), list(model.applied)
+    for k, load in enumerate(applied):
+        if isinstance(load.entry, Preload):
+            entry = tight.get(id(load.entry), load.entry)
+            applied[k] = replace(load, entry=entry, factor=partial(entry.shortening_at, statement))
+    return replace(model, statement=statement, applied=tuple(applied))
