@@ -19,8 +19,6 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_
 _lost = False
 # Of a terminal that nobody has made wider, which is what short answers are written for.
 COLUMNS = 80
-# What stands where a text is cut.
-_MORE = " ... (--verbose)"
 # Control characters of ASCII and of Latin-1, those that turn the direction of writing, and whole escape sequences.
 _CONTROL = re.compile(
     r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)"
@@ -33,19 +31,6 @@ def printable(text: str) -> str:
     have some, with which a terminal would change its state, and which no page or table can show.
     """
     return _CONTROL.sub("", text)
-
-
-def clauses(text: str, room: int, most: int | None) -> list[str]:
-    """A text in lines; one that does not fit ends, as dots say, at the last end of a sentence or clause that fits, or
-    at the first one: no clause is cut; ``room``: columns of a line; ``most``: lines, None: as many as it takes.
-    """
-    text = printable(text)
-    lines = textwrap.wrap(text, room)
-    for end in reversed([end.start() for end in re.finditer(r"(?<=[.;])\s", text)]):
-        if most is None or len(lines) <= most:
-            break
-        lines = textwrap.wrap(f"{text[:end].rstrip('.;')}{_MORE}", room)
-    return lines
 
 
 def prepare() -> None:

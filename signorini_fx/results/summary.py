@@ -7,6 +7,7 @@ of them leaves the others waiting for it in MPI: so a result is in its place bef
 from __future__ import annotations
 
 import platform
+import textwrap
 import time
 import traceback
 from collections.abc import Callable
@@ -23,7 +24,7 @@ from pydantic import TypeAdapter
 import signorini_fx
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import results_of, status_in_words
-from signorini_fx.machine.terminal import COLUMNS, TerminalLine, clauses, printable
+from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
 from signorini_fx.mechanics.assembly.pieces import extent
 from signorini_fx.quantities.shown import brief_lines, row, shown_lines, table
 from signorini_fx.quantities.summary import SCHEMA_VERSION, Quantity, own_quantities
@@ -151,7 +152,7 @@ def _narrow(line: TerminalLine) -> list[TerminalLine]:
     """A line with a short label, in 80 columns; a longer label ends with a colon."""
     label = line.begin.strip()
     begin = f"  {label:12s}" if len(label) < 12 else f"  {label}: "
-    texts = clauses(line.text, COLUMNS - len(begin), None)
+    texts = textwrap.wrap(printable(line.text), COLUMNS - len(begin))
     return [TerminalLine(begin if k == 0 else " " * 14, text, line.kind * (k == 0)) for k, text in enumerate(texts)]
 
 

@@ -3,42 +3,159 @@
 Nothing is solved and no stiffness is assembled.  The forms of the loads and of the contact boundaries are compiled and
 assembled as the solver does, so that every error that the solver would find in the scene or its mesh is found here.
 
-``findings`` determines what may go wrong, ``cost`` estimates the cost.
+``findings`` determines what may go wrong.
 """
 
 from __future__ import annotations
 
+import math
+import textwrap
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.algebra.linalg import petsc_options
+from signorini_fx.algebra.linalg import choice, petsc_options
+from signorini_fx.algebra.linalg.factorisation import factor_entries
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import storage
-from signorini_fx.machine.terminal import COLUMNS, clauses
+from signorini_fx.machine.terminal import COLUMNS, printable
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Timings
-from signorini_fx.results.accuracy.next_accuracy import between
+from signorini_fx.results.accuracy.next_accuracy import between, next_refinement
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.solving.check.cost import Cost, estimated_cost, memory_finding
-from signorini_fx.solving.check.findings import nonlinear_findings, refuse_beforehand, scene_findings
-from signorini_fx.solving.check.uniqueness import uniqueness_findings
-from signorini_fx.tuned import NO_FORCE
+from signorini_fx.scenes.uniqueness import uniqueness_findings
+from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand, scene_findings
+from signorini_fx.tuned import (
+    BASE_BYTES,
+    BYTES_PER_DOF,
+    DENSE_SPEED,
+    FACTOR_SECONDS,
+    KRYLOV_SECONDS,
+    MEMORY_SHARE,
+    NEWTON_SOLVES,
+    NEXT_ERROR,
+    NO_FORCE,
+    PAIRED_BYTES,
+    SOLVES_OF_START,
+    SOLVES_PER_DOUBLING,
+)
 
 # Entries of a list, and characters of an expression, that are shown.
 _MOST_SHOWN = 30
 
 
-# Lines of the short text, of what acts in it, of the cost, and of one finding.
-_MOST_LINES, _ACTS, _COST, _FINDING = 15, 5, 3, 3
+# Columns of the labels of the text.
 _LABEL = 12
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s.
+
+    Attributes:
+        unknowns: displacement components that are not prescribed, of the body and of rigid ones.
+        linear_algebra: ``full``, ``krylov`` or ``condensed``, and why.
+        linear_solves: from and to, of all load steps.
+        seconds: linear algebra of the whole solve, from and to.
+        memory_bytes: of the whole process.
+        next_error: the share of the error that the next two are about.
+        next_seconds: that it would take, from and to.
+        next_local: whether cells are divided where the error is; otherwise all become smaller.
+    """
+
+    unknowns: int
+    linear_algebra: str
+    linear_solves: tuple[int, int]
+    seconds: tuple[float, float]
+    memory_bytes: float
+    next_error: float
+    next_seconds: tuple[float, float]
+    next_local: bool
+
+
+def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
+    """Linear solves to expect, from and to."""
+    steps, finer = statement.expected_steps, statement.solver.levels - 1
+    if statement.nonlinear:
+        return NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
+    if not statement.contact:
+        return steps * (1 + finer), steps * (1 + finer)
+    size = math.log2(max(nodes / 2**finer, 4))
+    size *= 2 if any(contact.coulomb for contact in statement.contact) else 1
+    low, high = (round(factor * size) for factor in SOLVES_PER_DOUBLING)
+    # A later load step starts from the sets of the previous one, a finer mesh from those of the coarser one.
+    least, greatest = SOLVES_OF_START
+    return low + least * (steps - 1 + finer * steps), high * steps + greatest * finer * steps
+
+
+def factorisation_seconds(unknowns: float, dimension: int) -> float:
+    """Of one sparse factorisation."""
+    linear, faster = FACTOR_SECONDS[dimension]
+    return linear * unknowns + faster * unknowns ** (1.5 if dimension == 2 else 2.0)
+
+
+def estimated_cost(model: Model) -> Cost:
+    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
+    of both.
+    """
+    comm = model.comm
+    n = model.dofs
+    of_rank = 0 if model.boundary is None else np.unique(model.boundary.nodes).size
+    nodes = int(parallel.global_sum(comm, np.array(of_rank)))
+    dim = model.tagged.dimension
+    entries = factor_entries(n, dim)
+    factorisation = factorisation_seconds(n, dim)
+    solves = linear_solves(model.statement, nodes)
+    matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries
+    kind, reason = choice.choose_kind(model.system_size(), model.statement.solver.linear_algebra)
+    dense, held = 0, 12.0 * entries
+    if kind == "krylov":
+        once, per_solve, held = KRYLOV_SECONDS * n, KRYLOV_SECONDS * n, matrix
+    elif kind == "condensed":
+        dense = dim * nodes
+        once, per_solve = factorisation, dense**3 / 3 / DENSE_SPEED
+    elif model.boundary is None:
+        reason, once, per_solve = "one factorisation for all load steps", factorisation, FACTOR_SECONDS[dim][0] * n
+    else:
+        once, per_solve = 0.0, factorisation
+    if model.statement.nonlinear:  # each linear solve has a factorisation
+        once, per_solve = 0.0, factorisation
+    free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~model.fixed))))
+    if model.boundary is not None and model.boundary.moving is not None:
+        free += int(np.count_nonzero(~model.boundary.moving.fixed))
+    seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
+    of = "energy" if model.statement.accuracy is None else model.statement.accuracy.of
+    refinement = next_refinement(model.statement, model.tagged, of, free)
+    paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.statement.contact) else 0.0
+    return Cost(
+        unknowns=free,
+        linear_algebra=f"{kind}: {reason}",
+        linear_solves=solves,
+        seconds=seconds,
+        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
+        next_error=NEXT_ERROR[dim],
+        next_seconds=(seconds[0] * refinement.times[0], seconds[1] * refinement.times[1]),
+        next_local=refinement.local,
+    )
+
+
+def memory_finding(cost: Cost, comm: MPI.Comm) -> list[Finding]:
+    """A warning if the machine has too little memory; collective."""
+    available = parallel.machine_memory(comm)
+    if cost.memory_bytes < MEMORY_SHARE * available:
+        return []
+    message = (
+        f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}: use a coarser mesh"
+    )
+    return [Finding("warning", "mesh", message)]
 
 
 @dataclass(frozen=True)
@@ -207,36 +324,27 @@ def _gaps(model: Model, index: int) -> str:
 
 
 def text_of(check: Check, *, verbose: bool) -> str:
-    """What acts, what it will cost, and what the scene lacks, in 80 columns; with ``verbose`` all of it, else at most
-    fifteen lines.
-    """
+    """What acts, what it will cost, and what the scene lacks, in 80 columns; ``verbose``: also the linear algebra."""
     cost, (low, high) = check.cost, check.cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
     estimate = (
         f"{cost.unknowns} unknowns, {solves} solves, {between(cost.seconds)} of linear algebra, "
         f"{storage(cost.memory_bytes)}, estimated; {_next_accuracy(cost)}"
     )
-    lines = _paragraph("acts", "; ".join(check.acts), None if verbose else _ACTS)
-    lines += _paragraph("cost", estimate, None if verbose else _COST)
-    if verbose:
-        lines += _paragraph("solver", cost.linear_algebra, None)
-    findings = sorted(check.findings, key=lambda finding: finding.level != "warning")
-    for k, finding in enumerate(findings):
-        told = _paragraph(finding.level, f"{finding.path}: {finding.message}", None if verbose else _FINDING)
-        if not verbose and len(lines) + len(told) + 2 > _MOST_LINES:
-            more = len(findings) - k
-            lines += _paragraph("", f"{more} more finding{'s' * (more > 1)}: --verbose", 1)
-            break
-        lines += told
     count = len(check.warnings)
     verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
-    heading = f"{check.title or 'scene'}: {verdict}"
-    return "\n".join([heading if len(heading) <= COLUMNS else f"{heading[: COLUMNS - 3]}...", *lines])
+    lines = [f"{check.title or 'scene'}: {verdict}", *_paragraph("acts", "; ".join(check.acts))]
+    lines += _paragraph("cost", estimate)
+    if verbose:
+        lines += _paragraph("solver", cost.linear_algebra)
+    for finding in sorted(check.findings, key=lambda finding: finding.level != "warning"):
+        lines += _paragraph(finding.level, f"{finding.path}: {finding.message}")
+    return "\n".join(lines)
 
 
-def _paragraph(label: str, text: str, most: int | None) -> list[str]:
-    """A labelled text; what does not fit in so many lines is left out, see ``clauses``."""
-    lines = clauses(text, COLUMNS - _LABEL, most)
+def _paragraph(label: str, text: str) -> list[str]:
+    """A labelled text in lines of 80 columns."""
+    lines = textwrap.wrap(printable(text), COLUMNS - _LABEL)
     return [f"  {label if k == 0 else '':{_LABEL - 2}s}{line}" for k, line in enumerate(lines)]
 
 

@@ -24,7 +24,7 @@ from signorini_fx.records import History, Status, StepRecord, Timings
 from signorini_fx.results.certificate.law_of_method import overclosures_of
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.loose_bodies import explained
+from signorini_fx.solving.result_findings import explained
 from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody
 from signorini_fx.tuned import (
     EASY_STEP,

@@ -30,7 +30,6 @@ LAYERS = (
     "forms.nonlinear",
     "forms",
     "solving",
-    "solving.check",
     "results",
     "results.certificate",
     "quantities",

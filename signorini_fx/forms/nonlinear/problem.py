@@ -35,7 +35,7 @@ from signorini_fx.records import Finding, Status
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.solving.loose_bodies import loose_in
+from signorini_fx.solving.result_findings import loose_in
 
 if TYPE_CHECKING:
     from signorini_fx.results.accuracy.error_estimates import Errors

@@ -41,8 +41,7 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.check.result_findings import pushed_nodes, shapes_in_results
-from signorini_fx.solving.loose_bodies import loose_at_rest
+from signorini_fx.solving.result_findings import loose_at_rest, pushed_nodes, shapes_in_results
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
 
