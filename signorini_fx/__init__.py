@@ -85,7 +85,7 @@ def __getattr__(name: str) -> Any:
             return getattr(import_module(f"signorini_fx.{_MODULE_OF[name]}"), name)
         except ModuleNotFoundError as error:
             failure = error
-        from signorini_fx.machine.requirements import check_fenicsx
+        from signorini_fx.errors import check_fenicsx
 
         check_fenicsx()
         raise failure

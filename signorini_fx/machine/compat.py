@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import __version__, cpp, fem, mesh
 
-from signorini_fx.machine.requirements import needs_fenicsx
+from signorini_fx.errors import needs_fenicsx
 
 VERSION = tuple(int(part) for part in __version__.split(".")[:2])
 if VERSION < (0, 9):

@@ -17,11 +17,10 @@ from mpi4py import MPI
 from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.mechanics.body.discretisation import with_gap_and_friction
-from signorini_fx.mechanics.statement.changes import changed
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.reading import as_scene, parse_scene
+from signorini_fx.scenes.reading import as_scene, changed, parse_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import refuse_other_than_comm, solve
 from signorini_fx.solving.findings import refuse_beforehand

@@ -16,8 +16,7 @@ from signorini_fx import (
     Tresca,
     sensitivity,
 )
-from signorini_fx.mechanics.statement.changes import changed
-from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.reading import changed, parse_scene
 
 COMM = MPI.COMM_WORLD
 COULOMB = {"law": "coulomb", "coefficient": 0.3}

@@ -17,7 +17,8 @@ from signorini_fx.algebra.linalg.petsc_c import memory_ended
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Status
-from signorini_fx.scenes.cli.exit_codes import EXIT_CRASH, on_ranks
+from signorini_fx.scenes.cli import on_ranks
+from signorini_fx.scenes.cli.grammar import EXIT_CRASH
 from signorini_fx.scenes.solver import solve
 
 FAULTS = {

@@ -7,10 +7,11 @@ import sys
 import dolfinx
 import pytest
 
+from signorini_fx import errors
 from signorini_fx.errors import InstallationError
-from signorini_fx.machine import compat, requirements
+from signorini_fx.machine import compat
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.cli.exit_codes import EXIT_BAD_INPUT
+from signorini_fx.scenes.cli.grammar import EXIT_BAD_INPUT
 
 CHANNELS = ("apt install python3-dolfinx", "conda install -c conda-forge fenics-dolfinx", "docker build")
 
@@ -18,7 +19,7 @@ CHANNELS = ("apt install python3-dolfinx", "conda install -c conda-forge fenics-
 @pytest.mark.parametrize("command", ["solve", "check", "info"])
 def test_command_line(command, monkeypatch, capsys):
     """No traceback, exit code 2, and how to install it."""
-    monkeypatch.setattr(requirements, "find_spec", lambda name: None if name == "dolfinx" else object())
+    monkeypatch.setattr(errors, "find_spec", lambda name: None if name == "dolfinx" else object())
     assert cli.main([command] if command == "info" else [command, "no.toml"]) == EXIT_BAD_INPUT
     said = capsys.readouterr().err
     assert said.startswith("signorini-fx: error: dolfinx cannot be imported: FEniCSx with dolfinx >= 0.9 is needed")
@@ -29,7 +30,7 @@ def test_python():
     """``from signorini_fx import solve`` says the same; without FEniCSx the rest of the package works."""
     code = (
         "import sys; sys.modules['dolfinx'] = None; "
-        "import importlib.util as u, signorini_fx.machine.requirements as r; "
+        "import importlib.util as u, signorini_fx.errors as r; "
         "r.find_spec = lambda n: None if n == 'dolfinx' else u.find_spec(n); import signorini_fx; "
         "signorini_fx.read_scene; signorini_fx.solve"
     )

@@ -6,10 +6,9 @@ from mpi4py import MPI
 import signorini_fx
 from signorini_fx import InstallationError, SceneError, SolverSettings
 from signorini_fx.extensions import add_on, register
-from signorini_fx.mechanics.statement.changes import changed
 from signorini_fx.removed import INSTEAD
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.reading import changed, parse_scene
 
 # One of each kind, which no version has had.
 KINDS = {

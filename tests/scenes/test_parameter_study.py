@@ -8,9 +8,8 @@ import pytest
 
 from signorini_fx import Coulomb, UnilateralContact
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.statement.changes import changed, parsed_change
 from signorini_fx.scenes import cli
-from signorini_fx.scenes.reading import parse_scene
+from signorini_fx.scenes.reading import changed, parse_scene, parsed_change
 
 PUSHED = """
 [mesh]

@@ -9,10 +9,10 @@ from pydantic import BaseModel
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.statement.changes import PATH, way_of
 from signorini_fx.mechanics.statement.effect import Load, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.scenes.reading import PATH, way_of
 from signorini_fx.tuned import DIFFERENCE_STEP
 
 # Numbers of a material that are no elastic constants.

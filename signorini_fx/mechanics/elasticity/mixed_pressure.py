@@ -30,8 +30,8 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg.factorisation import has_package
+from signorini_fx.errors import needs_fenicsx
 from signorini_fx.machine import compat, parallel
-from signorini_fx.machine.requirements import needs_fenicsx
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, within

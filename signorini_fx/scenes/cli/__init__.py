@@ -1,4 +1,4 @@
-"""The command line: from arguments to an exit code.
+"""The command line: from arguments to an exit code; every error and interruption, the same on every rank.
 
 Help and errors in a scene need no import of dolfinx; text is printed by one rank.  Nothing imports this package.
 """
@@ -6,15 +6,24 @@ Help and errors in a scene need no import of dolfinx; text is printed by one ran
 from __future__ import annotations
 
 import argparse
+import os
+import signal
 import sys
+import time
+import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
+from signorini_fx.errors import SceneError, SignoriniError, check_fenicsx
 from signorini_fx.machine import terminal
-from signorini_fx.machine.terminal import limit_threads
+from signorini_fx.machine.terminal import limit_threads, started_as_root
 from signorini_fx.scenes.cli import commands
-from signorini_fx.scenes.cli.exit_codes import on_one_process, on_ranks
-from signorini_fx.scenes.cli.grammar import parser
+from signorini_fx.scenes.cli.grammar import EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED, EXIT_OK, parser
+from signorini_fx.tuned import END_PATIENCE
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 _ON_ONE_PROCESS: dict[str, Callable[[argparse.Namespace], str | tuple[str, int]]] = {
     "new": commands.new,
@@ -47,3 +56,102 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.command in _ON_ONE_PROCESS:
         return on_one_process(partial(_ON_ONE_PROCESS[options.command], options))
     return on_ranks(partial(_ON_RANKS[options.command], options), source=getattr(options, "scene", None))
+
+
+_OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"
+
+
+def _complain(text: object) -> int:
+    first, *remainder = str(text).split("\n", 1)
+    begin = terminal.TerminalLine("signorini-fx: error: ", first, "error")
+    terminal.say([begin, *(line for detail in remainder for line in terminal.prose(detail))], error=True)
+    return EXIT_BAD_INPUT
+
+
+def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
+    """Run a command on one of several processes, and print its result, which may come with an exit code."""
+    if not started_as_root():
+        return EXIT_OK
+    code = EXIT_OK
+    try:
+        result = run()
+        text, code = result if isinstance(result, tuple) else (result, code)
+        terminal.say(text)
+    except SignoriniError as error:
+        return _complain(error)
+    except MemoryError:
+        return _complain(_OUT_OF_MEMORY)
+    except KeyboardInterrupt:
+        terminal.say("signorini-fx: interrupted", error=True)
+        return EXIT_INTERRUPTED
+    return EXIT_BAD_INPUT if terminal.output_lost() else code
+
+
+def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
+    """Run a command that all ranks share; every way in which it can end, in one place.
+
+    Args:
+        run: the command, of the ranks that share it; returns the exit code.
+        source: name of the scene in messages; None: the command has none.
+    """
+    try:
+        check_fenicsx()
+    except SignoriniError as error:
+        return _complain(error) if started_as_root() else EXIT_BAD_INPUT
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+
+    def end(code: int) -> int:
+        """An error on a single rank would leave the others waiting for ever."""
+        if comm.size > 1:
+            comm.Abort(code)
+        return code
+
+    # mpirun and batch systems send SIGTERM, and kill soon after.
+    handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        code = run(comm)
+        return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
+    except SignoriniError as error:  # these are raised on all ranks
+        _forget_petsc_options()
+        if isinstance(error, SceneError) and source is not None:
+            error = error.of(source)
+        return _complain(error) if comm.rank == 0 else EXIT_BAD_INPUT
+    except KeyboardInterrupt as interruption:
+        if comm.rank == 0:
+            os.write(2, f"signorini-fx: interrupted{interruption}\n".encode(errors="backslashreplace"))
+        return end(EXIT_INTERRUPTED)
+    except Exception as error:
+        if (message := _explained(error)) is not None:
+            if comm.rank > 0:  # if the first rank has the same error, it has ended this one by then
+                time.sleep(END_PATIENCE)
+            return end(_complain(message))
+        traceback.print_exc()
+        return end(EXIT_CRASH)
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+
+
+def _forget_petsc_options() -> None:
+    """At its end PETSc lists unused options and obeys others; this is switched off after an earlier error."""
+    if "petsc4py.PETSc" in sys.modules:
+        from petsc4py import PETSc
+
+        options = PETSc.Options()
+        for name in options.getAll():
+            options.delValue(name)
+
+
+def _explained(error: Exception) -> object:
+    """The message for an error of a lack of memory, or of options of the user for PETSc; None: another one."""
+    if "petsc4py.PETSc" not in sys.modules:
+        return _OUT_OF_MEMORY if isinstance(error, MemoryError) else None
+    from petsc4py import PETSc
+
+    from signorini_fx.algebra.linalg.petsc_c import memory_ended
+    from signorini_fx.algebra.linalg.petsc_options import refused
+
+    if memory_ended(error):
+        return _OUT_OF_MEMORY
+    return refused(error) if isinstance(error, PETSc.Error) else None

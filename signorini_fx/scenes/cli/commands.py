@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 from signorini_fx.errors import OptionsError, OutputError, SceneError, SignoriniError, cannot_be_written
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import terminal
-from signorini_fx.scenes.cli.exit_codes import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK
-from signorini_fx.scenes.cli.grammar import changes, several_values
+from signorini_fx.scenes.cli.grammar import EXIT_INCOMPLETE, EXIT_NO_SOLUTION, EXIT_OK, changes, several_values
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -12,9 +12,8 @@ from signorini_fx import __version__
 from signorini_fx.errors import SceneError, shortened
 from signorini_fx.machine import terminal
 from signorini_fx.machine.terminal import started_as_root
-from signorini_fx.mechanics.statement.changes import parsed_change
-from signorini_fx.scenes.cli.exit_codes import EXIT_BAD_INPUT
 
+EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
 # Mesh files that are read.
 _READ = ".msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
 
@@ -181,6 +180,8 @@ def parsed_accuracy(text: str) -> float:
 
 def parsed_setting(text: str) -> tuple[str, Any]:
     """PATH=VALUE of an entry of the scene."""
+    from signorini_fx.scenes.reading import parsed_change
+
     try:
         return parsed_change(text)
     except ValueError as error:
@@ -217,6 +218,8 @@ def several_values(entries: dict[str, Any]) -> tuple[str, list[Any]]:
 
 
 def _values(path: str, value: Any) -> list[Any]:
+    from signorini_fx.scenes.reading import parsed_change
+
     if not isinstance(value, str):
         return [value]
     if match := _RANGE.fullmatch(value):
