@@ -98,7 +98,7 @@ def changed(old, new):
         (
             changed("[mesh]", "[mesh]\nboundaries = {}"),
             (),
-            "mesh.boundaries: unknown key; there are: generator, parameters",
+            "mesh.boundaries: unknown key",
         ),
         (changed("nx = 6", "comm = 1"), (), "mesh.parameters.comm: unknown key; there are: length"),
         (changed("nx = 6", "length = 9223372036854775808"), (), "the body is too thin"),

@@ -178,8 +178,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
     if removal := _removal(detail, path):
         return path, removal
     if detail["type"] == "extra_forbidden":
-        *table_path, key = detail["loc"]
-        message += _meant(str(key), model) or _known_keys(str(key), _tables_at(table_path, {model}))
+        message += _meant(str(detail["loc"][-1]), model)
     if (
         detail["type"] not in (*_MESSAGES, "too_short", "too_long")
         and isinstance(entry, str | int | float)
@@ -221,23 +220,11 @@ def _meant(key: str, model: type[BaseModel]) -> str:
         return f" here: it belongs to [{home}]"
     similar = difflib.get_close_matches(key, _keys(BaseModel), n=3, cutoff=0.75)
     if not similar or key in similar:
-        return ""
+        return ": signorini-fx new writes a scene that explains all keys"
     alike = max(
         similar, key=lambda candidate: (difflib.SequenceMatcher(a=candidate, b=key).ratio(), candidate[0] == key[0])
     )
     return f": did you mean {alike!r}?"
-
-
-def _tables_at(path: Sequence[int | str], tables: set[type[BaseModel]]) -> set[type[BaseModel]]:
-    """The tables that may stand at this place below others."""
-    for part in path:
-        inner = [table.model_fields[str(part)].annotation for table in tables if part in table.model_fields]
-        if inner:
-            tables = set().union(*map(_tables_in, inner))
-        else:  # the position in a list, or the word that tells the kinds of a table apart
-            named = {table for table in tables if part in (table.__name__, *_words(table))}
-            tables = named or tables
-    return tables
 
 
 def _tables_in(annotation: Any) -> set[type[BaseModel]]:
@@ -253,19 +240,6 @@ def tables(annotation: Any) -> set[type[BaseModel]]:
     return direct_tables.union(
         *(tables(field.annotation) for table in direct_tables for field in table.model_fields.values())
     )
-
-
-def _words(table: type[BaseModel]) -> tuple[Any, ...]:
-    """The words that the keys kind and law of a table allow."""
-    fields = (table.model_fields[key].annotation for key in ("kind", "law") if key in table.model_fields)
-    return tuple(word for field in fields for word in get_args(field))
-
-
-def _known_keys(key: str, tables: set[type[BaseModel]]) -> str:
-    """The keys of those of these tables that do not have this key, in the same order on every rank; "": none."""
-    ordered = sorted((table for table in tables if key not in table.model_fields), key=lambda table: table.__name__)
-    known = ", ".join(dict.fromkeys(key for table in ordered for key in table.model_fields))
-    return f"; there are: {known}" if known else ""
 
 
 def _keys(model: type[BaseModel]) -> set[str]:
