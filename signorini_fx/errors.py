@@ -6,30 +6,9 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
-# Limits on messages on a terminal: a file name or an error may have any length, and there may be any number of them.
-_MOST_LINES, _LONGEST_LINE = 20, 1_000
-
 
 class SignoriniError(Exception):
     """Base class: catch it to catch everything that this package raises on purpose."""
-
-    def __str__(self) -> str:
-        return shortened(super().__str__())
-
-
-def shortened(message: str) -> str:
-    """The first lines of a message, and both ends of a long line, with a note on how much was left out."""
-    first, *following = message.split("\n", _MOST_LINES)
-    lines = [first, *following[: _MOST_LINES - 1]]
-    hidden_lines = message.count("\n") + 1 - len(lines)
-    half = _LONGEST_LINE // 2
-    cut = [
-        line
-        if len(line) <= _LONGEST_LINE
-        else f"{line[:half]} ... ({len(line) - 2 * half:,} characters) ... {line[-half:]}"
-        for line in lines
-    ]
-    return "\n".join(cut + ([f"... and {hidden_lines:,} more"] if hidden_lines else []))
 
 
 class SceneError(SignoriniError):

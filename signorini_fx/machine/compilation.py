@@ -10,10 +10,6 @@ process.  What lies there under no lock is unfinished, and is compiled again.
 from __future__ import annotations
 
 import fcntl
-import os
-import shlex
-import shutil
-import sysconfig
 import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
@@ -28,6 +24,7 @@ from signorini_fx.machine import signals
 from signorini_fx.tuned import PROGRESS_PAUSE
 
 _LOCKS = ".signorini_fx.locks"
+_NEEDED = "it takes a C compiler, such as gcc, and a folder that can be written, which XDG_CACHE_HOME names"
 # What this process has loaded, by folder and name: to find a form FFCx lists the folder, which may hold thousands.
 _LOADED: dict[tuple[str, str], Any] = {}
 
@@ -46,7 +43,7 @@ def compiling() -> Iterator[None]:
         with signals.deferred(), _locks():
             yield
     except (OSError, RuntimeError, VerificationError) as error:  # dolfinx raises the second on all ranks but one
-        raise MachineError(f"a form cannot be compiled: {_no_folder() or _no_compiler() or error}") from error
+        raise MachineError(f"a form cannot be compiled: {error}: {_NEEDED}") from error
 
 
 @contextmanager
@@ -123,7 +120,7 @@ def library(folder: Path, name: str, declarations: str, source: str, arguments: 
                 builder.compile(tmpdir=str(folder))
                 _mark(folder, name).touch()
     except (OSError, RuntimeError, VerificationError) as error:
-        raise MachineError(f"C functions cannot be compiled: {_no_compiler() or error}") from error
+        raise MachineError(f"C functions cannot be compiled: {error}: {_NEEDED}") from error
     file = next(path for suffix in EXTENSION_SUFFIXES if (path := folder / f"{name}{suffix}").exists())
     found = spec_from_file_location(name, file)
     assert found is not None
@@ -153,28 +150,3 @@ def _age(path: Path) -> float:
         return max(time.time() - path.stat().st_mtime, 0.0)
     except OSError:
         return -1.0
-
-
-def _no_compiler() -> str | None:
-    command = os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc"
-    compiler = (shlex.split(command) or ["cc"])[0]
-    if shutil.which(compiler) is not None:
-        return None
-    return f"there is no C compiler, {compiler!r} is not on PATH: install one (apt install gcc)"
-
-
-def _no_folder() -> str | None:
-    from dolfinx import jit
-
-    try:
-        folder = Path(jit.get_options()["cache_dir"])
-        folder.mkdir(parents=True, exist_ok=True)
-        trial = folder / f".signorini_fx.{os.getpid()}"
-        trial.write_bytes(bytes(1 << 20))  # an empty file can be written to a full disk
-        trial.unlink()
-    except (OSError, RuntimeError) as error:  # no home at all
-        return (
-            f"the folder of compiled forms cannot be written ({error}): "
-            "set XDG_CACHE_HOME to a folder that can be written, or free space there"
-        )
-    return None

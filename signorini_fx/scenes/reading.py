@@ -58,23 +58,16 @@ def _found_from(folder: Path, table: Any) -> Any:
     return table.model_copy(update={"file": folder / file}) if isinstance(file, Path) else table
 
 
-_LARGEST_FILE = 1_000_000
-
-
 def read_scene_text(path: Path) -> str:
     """The text of a scene file."""
     try:
-        with path.open(encoding="utf-8-sig") as file:
-            text = file.read(_LARGEST_FILE + 1)
+        return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
     except UnicodeDecodeError:
         raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
     except ValueError as error:  # a null byte in the path
         raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
-    if len(text) > _LARGEST_FILE:
-        raise SceneError([("file", f"is not a scene: it is longer than {_LARGEST_FILE:,} characters")], str(path))
-    return text
 
 
 def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType({})) -> Scene:
@@ -90,10 +83,8 @@ def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType(
     """
     try:
         data = tomllib.loads(text)
-    except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, a number with thousands of digits, deep nesting
         raise SceneError([("syntax", f"{error}{_unquoted(text, str(error))}")], str(path)) from None
-    except RecursionError:
-        raise SceneError([("syntax", "nested too deeply")], str(path)) from None
     return parse_scene(changed(data, changes), str(path), path.parent)
 
 

@@ -348,9 +348,9 @@ def new_form(tmp_path, monkeypatch):
 
 
 def test_no_compiler(new_form, monkeypatch):
-    """It is named, with how to get one."""
+    """What a compilation takes is named."""
     monkeypatch.setenv("PATH", "/nowhere")
-    with pytest.raises(MachineError, match=r"there is no C compiler, '.*' is not on PATH: install one"):
+    with pytest.raises(MachineError, match="it takes a C compiler"):
         new_form()
 
 

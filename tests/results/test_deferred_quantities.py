@@ -88,7 +88,7 @@ def test_ctrl_c_during_an_afterthought(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(results, "gather_pictures", interrupted)
     out = tmp_path / "out"
     assert cli.main(["solve", str(tmp_path / "scene.toml"), "--out", str(out), "--no-fields"]) == 130
-    assert f"interrupted while statements or pictures were added: the results are in {out}/" in capfd.readouterr().err
+    assert f"interrupted: the results are in {out}/" in capfd.readouterr().err
     summary = json.loads((out / "summary.json").read_text())
     assert [found["path"] for found in summary["findings"] if "is missing" in found["message"]] == ["pictures"]
     assert "cost" in summary

@@ -57,7 +57,6 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from signorini_fx.machine import parallel
 
     path = options.out or Path("results") / options.scene.stem
-    progress = _SolveProgress(path)
     scene = _read_scene(options, comm)
     from signorini_fx.results import files
     from signorini_fx.results.folder import CHECKPOINT, ResultFolder
@@ -76,11 +75,12 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         line.erase()
         parallel.log_on_root(comm, table_row(record))
 
-    observers: list[Callable[[Any], None]] = [progress.records.append]
+    observers: list[Callable[[Any], None]] = []
     if options.verbose:
         observers.append(show)
     if not options.quiet:
         observers.append(line)
+    folder: ResultFolder | None = None
     try:
         with ResultFolder(comm, path, (*files.FILES, CHECKPOINT)) as folder:
             older = parallel.on_root(comm, lambda: files.title_of_result(path))
@@ -97,12 +97,12 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
                 )
             finally:
                 line.erase()
-            progress.solved = True
-            progress.is_written = lambda: folder.committed
             pictures = False if options.no_pictures else options.picture or True
             summary = files.write_results(solution, folder, fields=fields, pictures=pictures, pdf=options.pdf)
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(str(progress)) from None
+        kept = folder is not None and folder.committed
+        where = f": the results are in {path}/" if kept else "; --restart goes on from what is complete"
+        raise KeyboardInterrupt(where) from None
     if not options.quiet:
         parallel.log_on_root(comm, lines_of(summary, path) if options.verbose else short_answer(summary, path))
     if not solution.converged:
@@ -115,30 +115,6 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         told = terminal.TerminalLine("signorini-fx: ", f"these are results of another problem: {why}", "error")
         parallel.log_on_root(comm, [told], error=True)
     return EXIT_INCOMPLETE if lacking else EXIT_OK
-
-
-class _SolveProgress:
-    """The progress of a solve: the records of its history, and the text of an interruption."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self.records: list[Any] = []
-        self.solved = False
-        self.is_written: Callable[[], bool] = lambda: False
-
-    def __str__(self) -> str:
-        if self.is_written():
-            return f" while statements or pictures were added: the results are in {self._folder}/"
-        if self.solved:
-            return " while the results were written: they are not kept"
-        meshes = sum(isinstance(record, str) and record.startswith("level ") for record in self.records)
-        solves = sum(hasattr(record, "solve") for record in self.records)
-        mesh = f" on mesh {meshes}" if meshes else ""
-        from signorini_fx.results.folder import CHECKPOINT
-
-        begun = (self._folder / CHECKPOINT).is_dir()
-        advice = "; --restart goes on from what is complete" if begun else ""
-        return f" after {solves} linear solves,{mesh}: no result is complete yet{advice}".replace(",:", ":")
 
 
 def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from signorini_fx import __version__
-from signorini_fx.errors import SceneError, shortened
+from signorini_fx.errors import SceneError
 from signorini_fx.machine import terminal
 from signorini_fx.machine.terminal import started_as_root
 
@@ -52,7 +52,7 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if started_as_root():
             usage = terminal.TerminalLine(self.format_usage().removesuffix("\n"))
-            terminal.say([terminal.TerminalLine(f"{self.prog}: ", shortened(message), "error"), usage], error=True)
+            terminal.say([terminal.TerminalLine(f"{self.prog}: ", message, "error"), usage], error=True)
         self.exit(EXIT_BAD_INPUT)
 
 
