@@ -374,9 +374,6 @@ SIZE_GROWTH = 0.25
 # Of a mesh that is made anew cells are at least this share of their length on the last one, and its error is to fall
 # by a factor in this range.  Choice: the errors of a mesh say little of cells that are much smaller.
 SHORTEST_CHILD, FALL_OF_ERROR = 0.25, (1.5, 4.0)
-# Where a mesh made anew would exceed the budget a coarser one is tried, as long as it is at least this many times finer
-# than the last one, on average over the body.  Choice: in 3D it has 1.5 times the cells.
-SMALLEST_REMADE_JUMP = 1.15
 # Along each edge of a facet of the last mesh so many steps between the places from which distances are measured.
 # Choice: the error is a tenth of an edge.
 FACET_SAMPLES = 5

@@ -7,9 +7,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import shutil
 import sys
-import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TextIO
@@ -52,7 +50,7 @@ class TerminalLine:
 
     Attributes:
         begin: how it begins, on a terminal in the colour of its kind.
-        text: prose behind that; a terminal continues it below its first word.
+        text: prose behind that.
         kind: ``error``, ``warning``, ``advice``, ``good``, or "" without a colour.
     """
 
@@ -63,43 +61,31 @@ class TerminalLine:
     def __str__(self) -> str:
         return f"{self.begin}{self.text}"
 
-    def broken(self, width: int, *, colours: bool) -> str:
-        """The line as a terminal with so many columns shows it; no word is broken."""
-        first, text = printable(self.begin), printable(self.text)
-        start = len(first)
-        room = max(width - start, _NARROWEST)
-        parts = textwrap.wrap(text, room, break_long_words=False, break_on_hyphens=False) or [""]
-        code = _COLOURS.get(self.kind) if colours else None
-        begin = first if code is None else f"\x1b[{code}m{first}\x1b[0m"
-        return f"\n{' ' * start}".join([begin + parts[0], *parts[1:]])
+    def coloured(self) -> str:
+        """The line as a terminal with colours shows it."""
+        code = _COLOURS.get(self.kind)
+        begin = printable(self.begin) if code is None else f"\x1b[{code}m{printable(self.begin)}\x1b[0m"
+        return begin + printable(self.text)
 
 
-_NARROWEST = 20  # columns of prose
 _COLOURS = {"error": "31;1", "warning": "33;1", "advice": "1", "good": "32;1"}  # red, yellow, bold, green
 
 
 def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
     """Print on standard output, or on standard error; a stream that cannot be written is given up; ``output``: a text,
-    printed as it is, or lines, which a terminal breaks and colours.
+    printed as it is, or lines, which a terminal colours.
     """
     stream = sys.stderr if error else sys.stdout
     try:
         if isinstance(output, str):
             shown = [printable(output)]
-        elif is_terminal(stream):
-            colours = "NO_COLOR" not in os.environ and os.environ.get("TERM") != "dumb"
-            width = shutil.get_terminal_size().columns
-            shown = [line.broken(width, colours=colours) for line in output]
+        elif is_terminal(stream) and "NO_COLOR" not in os.environ and os.environ.get("TERM") != "dumb":
+            shown = [line.coloured() for line in output]
         else:
             shown = [printable(str(line)) for line in output]
         print("\n".join(shown), file=stream, flush=True)
     except OSError as reason:
         _give_up(stream, reason)
-
-
-def prose(text: str) -> list[TerminalLine]:
-    """The lines of a text; a terminal continues each below its own beginning."""
-    return [TerminalLine(line[: len(line) - len(line.lstrip())], line.lstrip()) for line in text.split("\n")]
 
 
 def output_lost() -> bool:

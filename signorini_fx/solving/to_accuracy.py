@@ -7,9 +7,7 @@ the squared error that has to be removed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from math import inf
 
 import numpy as np
@@ -47,7 +45,6 @@ from signorini_fx.tuned import (
     MEMORY_SHARE,
     REGULARISATION_SHARE,
     SMALLEST_JUMP,
-    SMALLEST_REMADE_JUMP,
 )
 
 
@@ -139,12 +136,7 @@ def solve_to_accuracy(
                 try:
                     meshes.refine(solved, excess, jump)
                     if enough and meshes.adaptive:  # how much larger it is shows once it is made
-                        beyond = _smaller_mesh(
-                            meshes,
-                            partial(budget.exceeded, rows, last=level),
-                            partial(meshes.refine, solved, excess),
-                            jump,
-                        )
+                        beyond = budget.exceeded(rows, meshes.finer, level)
                 except Exception as failure:
                     return Unsolved.by_error(failure, "to make the next mesh", comm).leaves(solution, history)
             if beyond is not None:
@@ -152,22 +144,6 @@ def solve_to_accuracy(
         elif task is None or outcome is None or outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             reason = "the regularisation leaves more, and gamma is as large as double precision allows"
             return Unsolved(Status.OUT_OF_REACH, reason).leaves(solution, history)
-
-
-def _smaller_mesh(
-    meshes: Meshes, exceeded: Callable[[float], Unsolved | None], refine: Callable[[float], object], jump: float
-) -> Unsolved | None:
-    """Make the next mesh coarser, until the budget allows it; what it exceeds where none that is finer enough than the
-    last one does, else None.
-    """
-    while (beyond := exceeded(meshes.finer)) is not None and meshes.problem.remakes:
-        jump = float(np.sqrt(jump))
-        if jump < SMALLEST_REMADE_JUMP:
-            break
-        refine(jump)
-        if meshes.finer < SMALLEST_REMADE_JUMP:  # gmsh has about as many cells again, or fewer
-            break
-    return beyond
 
 
 def _certified(solved: SolvedMesh, *, first: bool) -> tuple[SolvedMesh, float, str]:

@@ -3,7 +3,6 @@ cells anew, short where the error is, on the true shape.
 """
 
 import tomllib
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, size_fields
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.solving.to_accuracy import _smaller_mesh
 from signorini_fx.tuned import SIZE_GROWTH
 
 MATERIAL = "[[material]]\nyoung = 200.0\npoisson = 0.3\n"
@@ -207,22 +205,3 @@ def test_lengths_on_ranks():
         assert together.sizes[order[0]] == pytest.approx(alone.sizes[order[1]], rel=1e-6)
     else:
         assert len(together.cells) == 0
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("made", "allowed", "solved"), [((2.0, 1.3), 1.4, True), ((2.0, 0.9), 1.4, False)])
-def test_a_smaller_try_that_is_hardly_finer_is_not_solved(made, allowed, solved):
-    """Within the budget, but with fewer cells than the last mesh: the budget has ended before the accuracy."""
-    sizes = iter(made)
-    meshes = SimpleNamespace(finer=next(sizes), problem=SimpleNamespace(remakes=True))
-    tried = []
-
-    def refine(jump):
-        tried.append(jump)
-        meshes.finer = next(sizes)
-
-    def exceeded(finer):
-        return None if finer <= allowed else "too dear"
-
-    assert (_smaller_mesh(meshes, exceeded, refine, 2.0) is None) == solved
-    assert tried == [pytest.approx(2.0**0.5)]

@@ -17,7 +17,7 @@ CLEAN = "A31mbeam"
     "shown",
     [
         lambda: printable(EVIL),
-        lambda: TerminalLine(f"{EVIL}: ", EVIL).broken(80, colours=False).replace(": ", "").replace(CLEAN * 2, CLEAN),
+        lambda: TerminalLine(f"{EVIL}: ", EVIL).coloured().replace(": ", "").replace(CLEAN * 2, CLEAN),
         lambda: str(part("paragraph", EVIL)).removeprefix("<p>").removesuffix("</p>"),
         lambda: plain(EVIL),
         lambda: _for_json({EVIL: [EVIL]})[CLEAN][0],

@@ -62,9 +62,7 @@ _OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs
 
 
 def _complain(text: object) -> int:
-    first, *remainder = str(text).split("\n", 1)
-    begin = terminal.TerminalLine("signorini-fx: error: ", first, "error")
-    terminal.say([begin, *(line for detail in remainder for line in terminal.prose(detail))], error=True)
+    terminal.say([terminal.TerminalLine("signorini-fx: error: ", str(text), "error")], error=True)
     return EXIT_BAD_INPUT
 
 
