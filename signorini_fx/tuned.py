@@ -357,11 +357,10 @@ SHORTENED_AT_MOST = 30.0
 
 # --- limits of time and memory ---------------------------------------------------------------------------------------
 
-# Seconds that may pass until the first rank has ended one with the same error.  Choice.
-END_PATIENCE = 1.0
 # Seconds until a rank that may have an error later has it.  Choice.
 ERROR_PATIENCE = 30.0
-# Seconds between two changes of the line of progress, and two attempts to get a lock.  Choice.
+# Seconds between two changes of the line of progress, and two attempts to get a lock; as long a rank waits until the
+# first one has ended it with the same error.  Choice.
 PROGRESS_PAUSE = 0.2
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
@@ -371,9 +370,9 @@ UNEVEN = 1.2
 # Cells become longer by this much per length away from facets of a given length.  Choice: at the depth of Hertz's half
 # width, eight facets, cells are three facets long.
 SIZE_GROWTH = 0.25
-# Of a mesh that is made anew cells are at least this share of their length on the last one, and its error is to fall
-# by a factor in this range.  Choice: the errors of a mesh say little of cells that are much smaller.
-SHORTEST_CHILD, FALL_OF_ERROR = 0.25, (1.5, 4.0)
+# Of a mesh that is made anew cells are at least this share of their length on the last one.  Choice: the errors of a
+# mesh say little of cells that are much smaller.
+SHORTEST_CHILD = 0.25
 # Along each edge of a facet of the last mesh so many steps between the places from which distances are measured.
 # Choice: the error is a tenth of an edge.
 FACET_SAMPLES = 5

@@ -20,11 +20,11 @@ from signorini_fx.results.accuracy.next_accuracy import DIVIDED_FOR
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.tuned import (
     BULK,
-    FALL_OF_ERROR,
     FEW_NODES,
     LARGEST_GAMMA,
     LARGEST_JUMP,
     REGULARISATION_SHARE,
+    SHORTEST_CHILD,
     SMALLEST_JUMP,
 )
 
@@ -124,7 +124,7 @@ class Meshes:
             assert solved.errors is not None
             last, dim = solved.tagged, solved.tagged.dimension
             squares, lengths = solved.errors.squares[self._of], lengths_of_cells(last)
-            factor = float(np.clip(excess, *FALL_OF_ERROR))
+            factor = float(np.clip(excess, SMALLEST_JUMP, 1 / SHORTEST_CHILD))
             degree = solved.solution.statement.element.degree
             lengths = shorter_lengths(self._comm, squares, lengths, factor, degree, dim, jump)
             self.problem, count = self.problem.remade(last, lengths, jump)

@@ -20,7 +20,7 @@ from signorini_fx.machine import terminal
 from signorini_fx.machine.terminal import limit_threads, started_as_root
 from signorini_fx.scenes.cli import commands
 from signorini_fx.scenes.cli.grammar import EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED, EXIT_OK, parser
-from signorini_fx.tuned import END_PATIENCE
+from signorini_fx.tuned import PROGRESS_PAUSE
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -123,7 +123,7 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
     except Exception as error:
         if (message := _explained(error)) is not None:
             if comm.rank > 0:  # if the first rank has the same error, it has ended this one by then
-                time.sleep(END_PATIENCE)
+                time.sleep(PROGRESS_PAUSE)
             return end(_complain(message))
         traceback.print_exc()
         return end(EXIT_CRASH)
