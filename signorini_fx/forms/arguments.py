@@ -16,7 +16,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.mesh.section import is_section
+from signorini_fx.mechanics.mesh.tagged import is_section
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.mechanics.statement.values import kind_of
 

@@ -19,7 +19,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.mesh.section import is_section
+from signorini_fx.mechanics.mesh.tagged import is_section
 from signorini_fx.tuned import NOTHING_LEFT
 
 if TYPE_CHECKING:

@@ -12,9 +12,8 @@ from mesh_files import write_msh
 from mpi4py import MPI
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
+from signorini_fx.mechanics.mesh.files.cells import CELLS, completed, measures
 from signorini_fx.mechanics.mesh.files.formats import read_file
-from signorini_fx.mechanics.mesh.files.shape import measures
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.mesh.tagged import read_mesh
 

@@ -18,8 +18,7 @@ from scenes import alone, table_of
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine.compat import geometry_cells, geometry_degree, geometry_element
-from signorini_fx.mechanics.mesh.files.cells import CELLS
-from signorini_fx.mechanics.mesh.files.shape import check_shape
+from signorini_fx.mechanics.mesh.files.cells import CELLS, check_shape
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
 from signorini_fx.mechanics.statement.generators import known_generators

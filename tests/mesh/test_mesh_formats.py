@@ -12,7 +12,7 @@ from mpi4py import MPI
 from scenes import alone, table_of
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.mesh.files import meshio_reader
+from signorini_fx.mechanics.mesh.files import formats
 from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.tagged import read_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -420,6 +420,6 @@ def test_packages_that_are_not_installed(tmp_path, monkeypatch, suffix, missing)
             raise ModuleNotFoundError(f"No module named {missing!r}", name=missing)
         return builtins.__import__(name, *arguments)
 
-    monkeypatch.setattr(meshio_reader.importlib, "import_module", absent)
+    monkeypatch.setattr(formats.importlib, "import_module", absent)
     with pytest.raises(MeshError, match=f"needs the Python package {missing}: apt install python3-{missing}"):
         read_file(file)

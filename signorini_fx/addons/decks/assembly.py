@@ -14,7 +14,7 @@ import numpy as np
 
 from signorini_fx.addons.decks.text import DeckBlock, DeckError, coordinates, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.mechanics.mesh.files.cells import Floats
 from signorini_fx.mechanics.statement.rigid_shape import turning
 
 # Parameters whose values are sets, surfaces, orientations or nodes.

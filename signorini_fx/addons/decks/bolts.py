@@ -10,8 +10,7 @@ import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckLoad
 from signorini_fx.addons.decks.text import DeckBlock, components, quoted, real
-from signorini_fx.mechanics.mesh.files.cells import dimension
-from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.mechanics.mesh.files.cells import Floats, dimension
 from signorini_fx.tuned import DIGITS_OF_FILES
 
 # The cosine to its surface beyond which a given normal is along that of the surface.

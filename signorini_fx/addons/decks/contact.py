@@ -11,7 +11,7 @@ import numpy as np
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
 from signorini_fx.addons.decks.keywords import CONSTRAINT
 from signorini_fx.addons.decks.text import DeckBlock, parameter, quoted, real, real_or_none
-from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.mechanics.mesh.files.cells import Ints
 from signorini_fx.tuned import HARD_CONTACT
 
 # How a contact pair is discretised, which a scene chooses itself.

@@ -15,8 +15,7 @@ from signorini_fx.addons.decks.text import DeckBlock, number_of
 from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
-from signorini_fx.mechanics.mesh.files.cells import dimension
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, dimension
 from signorini_fx.mechanics.statement.point_values import same_places
 
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from signorini_fx.addons.decks.text import ROTATIONS, DeckBlock, components, number_of, real
 from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.cells import dimension
-from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.mechanics.mesh.files.cells import Ints, dimension
 
 Words = tuple[str, ...]
 

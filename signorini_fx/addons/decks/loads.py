@@ -22,8 +22,7 @@ from signorini_fx.addons.decks.text import (
     real,
 )
 from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.cells import completed
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, nodal_measures
+from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, completed, nodal_measures
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
 
 _AXES = {1: "x", 2: "y", 3: "z"}

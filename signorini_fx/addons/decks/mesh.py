@@ -28,9 +28,8 @@ from signorini_fx.addons.decks.text import (
     placed,
     read_keywords,
 )
-from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.raw import Numbering, RawMesh
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.files.arrays import Numbering, RawMesh, plain
+from signorini_fx.mechanics.mesh.files.cells import Floats, Ints
 
 __all__ = ["files_of", "read_mesh"]  # what readers of meshes need
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.files.cells import Floats, Ints
 
 # How many words each data line has at least, and how many data lines a keyword has at most.
 _LEAST_WORDS = {

@@ -12,7 +12,7 @@ import numpy as np
 from signorini_fx.addons.judging.solution_on_mesh import SolutionOnMesh
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.coulomb import NoFriction
-from signorini_fx.mechanics.mesh.files.shape import Floats
+from signorini_fx.mechanics.mesh.files.cells import Floats
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.scene import Scene

@@ -14,7 +14,7 @@ from mpi4py import MPI
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.files.cells import Floats, Ints
 from signorini_fx.mechanics.mesh.halving import quadratic
 from signorini_fx.mechanics.mesh.tagged import arrays_of, check_fits
 from signorini_fx.scenes.mesh import load_mesh

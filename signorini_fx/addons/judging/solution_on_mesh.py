@@ -19,7 +19,7 @@ from signorini_fx.addons.judging.judged_problem import JudgedProblem
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.body.elastic_body import sum_of
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.files.cells import Floats, Ints
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, from_arrays
 from signorini_fx.results.certificate.certificate import Certificate

@@ -82,7 +82,7 @@ def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_
             [(f"material[{nonlinear[0]}].law", "is not possible here yet: solve() and check() alone know it")]
         )
     if statement.kinematics.out_of_section and tagged.dimension == tagged.mesh.geometry.dim == 2:
-        from signorini_fx.mechanics.mesh.section import section_in_space
+        from signorini_fx.mechanics.mesh.tagged import section_in_space
 
         tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
     _try_functions(statement, tagged)

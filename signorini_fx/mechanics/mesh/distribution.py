@@ -5,18 +5,15 @@ from __future__ import annotations
 import basix.ufl
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import mesh as dmesh
 from dolfinx.graph import adjacencylist
 from dolfinx.io import distribute_entity_data
-from dolfinx.io.utils import cell_perm_gmsh
 from mpi4py import MPI
 
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, order_of_nodes
 
 
 def from_root(
@@ -66,9 +63,3 @@ def kind_of_mesh(mesh: dmesh.Mesh) -> Cell | None:
     """The kind of the cells of a mesh of dolfinx; None for a geometry of a degree above 2."""
     word, degree = mesh.topology.cell_name(), compat.geometry_degree(mesh)
     return next((cell for cell in CELLS.values() if (cell.basix_type.name, cell.degree) == (word, degree)), None)
-
-
-def order_of_nodes(kind: Cell) -> npt.NDArray[np.int64]:
-    """Node k of dolfinx is the node with this number here."""
-    of_gmsh = np.asarray(kind.gmsh_order)
-    return of_gmsh[cell_perm_gmsh(dmesh.to_type(kind.basix_type.name), len(kind.nodes))]

@@ -11,10 +11,8 @@ from itertools import product
 
 import numpy as np
 
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, straight
-from signorini_fx.mechanics.mesh.files.raw import row_keys, rows_of
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, row_keys, rows_of, sides_of
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, straight
 
 # Places on the reference cell in units of a quarter of a side, so that nodes between children's corners are whole
 # numbers too.

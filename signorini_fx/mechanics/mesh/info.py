@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain, sides_of
-from signorini_fx.mechanics.mesh.files.raw import row_keys
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, measures
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain, row_keys, sides_of
+from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, measures
 from signorini_fx.tuned import NOTHING_LEFT
 
 # The names of the size of the body, of its surface and of a boundary, by dimension.

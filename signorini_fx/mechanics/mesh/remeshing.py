@@ -16,7 +16,8 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.distribution import kind_of_mesh, order_of_nodes
+from signorini_fx.mechanics.mesh.distribution import kind_of_mesh
+from signorini_fx.mechanics.mesh.files.cells import order_of_nodes
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, edges_of
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of
 from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH

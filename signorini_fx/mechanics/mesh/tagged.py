@@ -10,10 +10,11 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
-import basix
+import basix.ufl
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
@@ -22,7 +23,6 @@ from scipy.spatial.distance import cdist
 
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.section import is_section
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, TaggedMeshBase
 from signorini_fx.mechanics.statement.values import kind_of
@@ -30,8 +30,8 @@ from signorini_fx.tuned import SAME_LENGTH
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection
+    from signorini_fx.mechanics.mesh.files.cells import Ints
     from signorini_fx.mechanics.mesh.files.formats import Tags
-    from signorini_fx.mechanics.mesh.files.shape import Ints
     from signorini_fx.mechanics.mesh.files.size_field import Sizes
     from signorini_fx.mechanics.statement.statement import Statement
 
@@ -189,6 +189,34 @@ def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
         "the mesh is a surface in 3D (a shell): a planar one has points of two coordinates, x[0] and x[1] (gdim = 2), "
         "and a body in 3D tetrahedra or hexahedra"
     )
+
+
+def section_in_space(mesh: dmesh.Mesh) -> dmesh.Mesh:
+    """The same mesh in 2D x[2] = 0 of space, where displacements have three components; collective.
+
+    It shares the topology, so that its cells and facets have the same numbers, and tags of the one are tags of the
+    other.  In forms of a body of revolution about x[1] whose displacement turns with the section, the gradient of y
+    along x[2] is (-y[2], 0, y[0]) / x[0], and moments of contact about x[1] are torques.
+
+    Args:
+        mesh: of the plane.
+    """
+    element = compat.geometry_element(mesh)
+    domain = basix.ufl.element(
+        "Lagrange",
+        mesh.topology.cell_name(),
+        element.degree,
+        element.lagrange_variant,
+        shape=(3,),
+        dtype=mesh.geometry.x.dtype,
+    )
+    made: Any = type(compat.wrapped(mesh))(mesh.comm, compat.topology(mesh), compat.geometry_in_space(mesh))
+    return dmesh.Mesh(made, ufl.Mesh(domain))
+
+
+def is_section(mesh: dmesh.Mesh) -> bool:
+    """Whether it has plane cells in 3D."""
+    return bool(mesh.geometry.dim > mesh.topology.dim)
 
 
 def load_file(
@@ -387,10 +415,9 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     Raises:
         MeshError: its geometry has a degree above 2.
     """
-    from signorini_fx.mechanics.mesh.distribution import kind_of_mesh, order_of_nodes
-    from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, sides_of
-    from signorini_fx.mechanics.mesh.files.cells import CELLS
-    from signorini_fx.mechanics.mesh.files.raw import rows_of
+    from signorini_fx.mechanics.mesh.distribution import kind_of_mesh
+    from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, rows_of, sides_of
+    from signorini_fx.mechanics.mesh.files.cells import CELLS, order_of_nodes
 
     mesh, comm, dim = tagged.mesh, tagged.mesh.comm, tagged.dimension
     kind, nodes = kind_of_mesh(mesh), mesh.geometry.index_map()
@@ -572,7 +599,7 @@ def tag_boundaries(
     Raises:
         TypeError: an argument is of another kind.
     """
-    from signorini_fx.mechanics.mesh.files.raw import rows_of
+    from signorini_fx.mechanics.mesh.files.arrays import rows_of
 
     if not isinstance(mesh, dmesh.Mesh):
         raise TypeError(f"a mesh of dolfinx is expected, not {kind_of(mesh)}")

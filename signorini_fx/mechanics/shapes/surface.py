@@ -114,7 +114,7 @@ def _read(file: Path, size: float | None) -> Any:
 
 def _stl(file: Path) -> tuple[Array, Rows]:
     """Points and triangles of an STL file, points that are the same joined."""
-    from signorini_fx.mechanics.mesh.files.meshio_reader import read_meshio
+    from signorini_fx.mechanics.mesh.files.formats import read_meshio
 
     raw = read_meshio(file, "stl")
     blocks = [nodes for kind, nodes in raw.blocks if kind == "triangle" and len(nodes)]

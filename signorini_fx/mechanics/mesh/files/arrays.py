@@ -1,4 +1,4 @@
-"""A mesh in 2D or in 3D as plain arrays on one rank, the result of reading a file.  No dolfinx here."""
+"""A mesh in 2D or in 3D as plain arrays on one rank: the content of a file, and the body in it.  No dolfinx here."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, completed, dimension
-from signorini_fx.mechanics.mesh.files.raw import RawMesh, row_keys, rows_of
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints, check_shape
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, check_shape, completed, dimension
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.tuned import LARGEST_NUMBER
 
@@ -26,6 +24,68 @@ _CORNERS = {"line": 2, "triangle": 3, "quad": 4}
 def plain(values: npt.NDArray[Any]) -> Any:
     """An array as lists of Python numbers."""
     return values.tolist()
+
+
+@dataclass
+class RawMesh:
+    """The content of a file in meshio's layout: blocks of elements of one kind, sets and data block by block.
+
+    Attributes:
+        points: positions, shape (n, 2) or (n, 3).
+        blocks: (kind in meshio's words, nodes of shape (elements, nodes of each)).
+        sets: name -> for each block the numbers of its elements that belong.
+        node_sets: name -> numbers of points.
+        data: name -> for each block the whole number of each element, shape (elements,), or where an element may have
+            several its numbers, shape (elements, k); below 0 is none.
+    """
+
+    points: Floats
+    blocks: list[tuple[str, Ints]]
+    sets: dict[str, list[Ints]] = field(default_factory=dict)
+    node_sets: dict[str, Ints] = field(default_factory=dict)
+    data: dict[str, list[Ints]] = field(default_factory=dict)
+
+
+class Numbering:
+    """Numbers of nodes or elements, and the row of each.
+
+    Attributes:
+        numbers: in the order of the rows.
+        again: the rows of numbers that an earlier row has.
+    """
+
+    def __init__(self, numbers: Ints) -> None:
+        self.numbers = numbers
+        self._order = np.argsort(numbers, kind="stable")
+        self._sorted = numbers[self._order]
+        self.again = self._order[1:][self._sorted[1:] == self._sorted[:-1]]
+
+    def rows(self, wanted: Ints) -> Ints:
+        """The row of each number, -1: it is none of these."""
+        if not self.numbers.size:
+            return np.full(len(wanted), -1)
+        places = np.minimum(np.searchsorted(self._sorted, wanted), len(self.numbers) - 1)
+        return np.where(self._sorted[places] == wanted, self._order[places], -1)
+
+
+def row_keys(rows: Ints) -> Ints:
+    """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in any order."""
+    ordered = 1 + (
+        np.column_stack((np.minimum(*rows.T), np.maximum(*rows.T))) if rows.shape[1] == 2 else np.sort(rows, axis=1)
+    )
+    largest = int(ordered.max(initial=0)) + 1
+    keys: Ints = ordered[:, 0]
+    for column in ordered.T[1:]:  # renumbered each time, so that the product of two counts does not overflow
+        keys = np.unique(keys * largest + column, return_inverse=True)[1].reshape(-1)
+    return keys
+
+
+def rows_of(wanted: Ints, table: Ints) -> Ints:
+    """Where each row of nodes is in a table of distinct rows, in any order of nodes; -1: nowhere."""
+    keys = row_keys(np.concatenate((table, wanted)))
+    row_numbers = np.full(int(keys.max(initial=0)) + 1, -1)
+    row_numbers[keys[: len(table)]] = np.arange(len(table))
+    return row_numbers[keys[len(table) :]]
 
 
 @dataclass(frozen=True)

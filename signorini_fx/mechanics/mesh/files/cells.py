@@ -1,4 +1,4 @@
-"""Reference cells: the kinds of elements in mesh files, their corners, nodes and facets, and the order of each.
+"""The kinds of elements in mesh files, their corners, nodes and facets, and the order of each; measure and validity.
 
 The order is that of meshio and VTK: corners, then the nodes in the middle of edges, of faces, of the cell.
 """
@@ -13,8 +13,19 @@ import basix
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.errors import MeshError
+from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
+
+Ints = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
 Corners = tuple[int, ...]
+_Truths = npt.NDArray[np.bool_]
+
 _DIGITS = np.finfo(float).precision
+# Volumes of curved cells are integrated exactly.
+_DEGREE = 5
+# Number of cells that are processed at once.
+_CHUNK = 20_000
 
 
 @dataclass(frozen=True)
@@ -29,7 +40,6 @@ class Cell:
         facets: corners of each facet, along its perimeter.
         facet: kind of the facets, "" for an element that is a line.
         gmsh: number of gmsh.
-        gmsh_order: node k of gmsh is node ``gmsh_order[k]`` here.
     """
 
     kind: str
@@ -39,7 +49,6 @@ class Cell:
     facets: tuple[Corners, ...]
     facet: str
     gmsh: int
-    gmsh_order: tuple[int, ...]
 
     @property
     def dim(self) -> int:
@@ -72,25 +81,25 @@ class Cell:
         return basix.CellType[{2: "interval", 3: "triangle", 4: four, 8: "hexahedron"}[len(self.corners)]]
 
     @cached_property
-    def _element(self) -> tuple[Any, npt.NDArray[np.int64]]:
+    def _element(self) -> tuple[Any, Ints]:
         """The element of basix, and which of its nodes each node is."""
         even = basix.LagrangeVariant.equispaced
         element = basix.create_element(basix.ElementFamily.P, self.basix_type, self.degree, even)
         places = np.array([np.mean([self.corners[c] for c in corners], axis=0) for corners in self.nodes])
         return element, np.abs(element.points - places[:, None]).sum(axis=2).argmin(axis=1)
 
-    def shape(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def shape(self, x: Floats) -> Floats:
         """Shape functions at places of the reference cell, shape (places, dim) -> (places, nodes)."""
         element, order = self._element
         # At nodes they are 0 and 1 but for round-off, with which a node would leave an axis of symmetry.
         return np.asarray(element.tabulate(0, x)[0, :, order, 0].T.round(_DIGITS))
 
-    def gradient(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def gradient(self, x: Floats) -> Floats:
         """Their derivatives, shape (places, dim) -> (dim, places, nodes)."""
         element, order = self._element
         return np.asarray(element.tabulate(1, x)[1:, :, order, 0])
 
-    def weights(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def weights(self, x: Floats) -> Floats:
         """Shape functions of the corners alone, shape (places, corners): they distinguish the places of a cell."""
         return straight(self).shape(x)
 
@@ -106,10 +115,9 @@ _EDGES_8: tuple[Corners, ...] = (*_AROUND_4, (4, 5), (5, 6), (6, 7), (7, 4), (0,
 _FACES_4: tuple[Corners, ...] = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
 # The order of VTK's hexahedra of 27 nodes.
 _FACES_8: tuple[Corners, ...] = ((0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7))
-_EDGES_OF_GMSH = (8, 11, 16, 9, 17, 10, 18, 19, 12, 15, 13, 14)
 
 
-def _made(kind: str, corners: tuple[Corners, ...], between: tuple[Corners, ...], gmsh: int, *order: int) -> Cell:
+def _made(kind: str, corners: tuple[Corners, ...], between: tuple[Corners, ...], gmsh: int) -> Cell:
     word, facets, straight = {
         2: ("lines", ((0,), (1,)), ""),
         3: ("triangles", _AROUND_3, "line"),
@@ -118,7 +126,7 @@ def _made(kind: str, corners: tuple[Corners, ...], between: tuple[Corners, ...],
     }[len(corners)]
     curved = {"line": "line3", "triangle": "triangle6", "quad": "quad9", "": ""}[straight] if between else straight
     nodes = (*((c,) for c in range(len(corners))), *between)
-    return Cell(kind, word, corners, nodes, facets, curved, gmsh, order or tuple(range(len(nodes))))
+    return Cell(kind, word, corners, nodes, facets, curved, gmsh)
 
 
 _ALL_CELLS = (
@@ -129,19 +137,29 @@ _ALL_CELLS = (
     _made("quad", _SQUARE, (), 3),
     _made("quad9", _SQUARE, (*_AROUND_4, (0, 1, 2, 3)), 10),
     _made("tetra", _TETRAHEDRON, (), 4),
-    _made("tetra10", _TETRAHEDRON, _EDGES_4, 11, *range(8), 9, 8),
+    _made("tetra10", _TETRAHEDRON, _EDGES_4, 11),
     _made("hexahedron", _CUBE, (), 5),
-    _made(
-        "hexahedron27",
-        _CUBE,
-        (*_EDGES_8, *_FACES_8, tuple(range(8))),
-        12,
-        *range(8),
-        *_EDGES_OF_GMSH,
-        *(24, 22, 20, 21, 23, 25, 26),
-    ),
+    _made("hexahedron27", _CUBE, (*_EDGES_8, *_FACES_8, tuple(range(8))), 12),
 )
 CELLS = {cell.kind: cell for cell in _ALL_CELLS}
+
+
+def order_of_nodes(kind: Cell) -> Ints:
+    """Node k of dolfinx is the node with this number here."""
+    import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
+    from dolfinx.io import utils
+    from dolfinx.mesh import to_type
+
+    return np.asarray(utils.cell_perm_vtk(to_type(kind.basix_type.name), len(kind.nodes)), dtype=np.int64)
+
+
+def order_in_gmsh(kind: Cell) -> Ints:
+    """Node k here is the node with this number in gmsh."""
+    of_dolfinx = np.argsort(order_of_nodes(kind))
+    from dolfinx.io import utils
+    from dolfinx.mesh import to_type
+
+    return np.asarray(utils.cell_perm_gmsh(to_type(kind.basix_type.name), len(kind.nodes)))[of_dolfinx]
 
 
 def straight(cell: Cell) -> Cell:
@@ -156,7 +174,7 @@ _COMPLETE = {"quad8": "quad9", "hexahedron20": "hexahedron27"}
 _DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "polygon": 2}
 
 
-def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
+def completed(kind: str) -> tuple[Cell, Floats] | None:
     """How to complete an element without nodes in the middle of its faces, with exactly the same shape.
 
     Returns:
@@ -177,3 +195,81 @@ def completed(kind: str) -> tuple[Cell, npt.NDArray[np.float64]] | None:
 def dimension(kind: str) -> int:
     """Of an element of a file, also one that is no kind of cell here; what is not known is a solid."""
     return _DIMENSIONS.get(kind.rstrip("0123456789"), 3)
+
+
+# --- elements of a mesh -----------------------------------------------------------------------------------------------
+
+
+def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
+    """Length, area or volume of each element, on its curved shape if it is one, shape (m,).
+
+    Args:
+        points: positions, shape (n, d).
+        nodes: of each element in the order of its kind, shape (m, k).
+        cell: the kind, of d dimensions or of one less.
+    """
+    return np.asarray(nodal_measures(points, nodes, cell).sum(axis=1))
+
+
+def nodal_measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
+    """The integral of each shape function over each element, which is the share of its node, shape (m, k)."""
+    x, weights = basix.make_quadrature(cell.basix_type, _DEGREE)
+    shares = [np.empty((0, len(cell.nodes)))]
+    for start in range(0, len(nodes), _CHUNK):
+        jacobian = _jacobian(points, nodes[start : start + _CHUNK], cell, x)
+        if cell.dim == points.shape[1]:
+            size = np.abs(np.linalg.det(jacobian))
+        else:
+            gram = np.einsum("mqdi,mqdj->mqij", jacobian, jacobian)
+            size = np.sqrt(np.maximum(np.linalg.det(gram), 0.0))
+        shares.append(size @ (weights[:, None] * cell.shape(x)))
+    return np.concatenate(shares)
+
+
+def _jacobian(points: Floats, nodes: Ints, cell: Cell, x: Floats) -> Floats:
+    """Derivatives of the position at places of the reference cell, shape (m, places, d, dim)."""
+    return np.asarray(np.einsum("jqk,mkd->mqdj", cell.gradient(x), points[nodes], optimize=True))
+
+
+def _determinants(matrices: Floats) -> Floats:
+    """Of many matrices; NumPy takes ten times as long for small ones."""
+    if matrices.shape[-1] != 2:
+        return np.asarray(np.linalg.det(matrices))
+    return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0])
+
+
+def is_straight(points: Floats, cells: Ints, cell: Cell) -> bool:
+    """Whether all nodes between corners are where those of straight cells would be."""
+    limit = SAME_LENGTH * float(np.linalg.norm(np.ptp(points, axis=0)))
+    return all(
+        bool((np.abs(points[cells[:, k]] - points[cells[:, list(corners)]].mean(axis=1)) <= limit).all())
+        for k, corners in enumerate(cell.nodes)
+    )
+
+
+def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
+    """Refuse cells that are flat or folded.
+
+    Raises:
+        MeshError: with how many there are and where the first one is.
+    """
+    parts = [_spoilt(points, cells[k : k + _CHUNK], cell) for k in range(0, len(cells), _CHUNK)]
+    flat, folded = (np.concatenate(flags) for flags in zip(*parts, strict=True))
+    for bad, defect in (
+        (flat, "have a corner without an angle (nodes that coincide or are in line)"),
+        (folded, "are folded"),
+    ):
+        if bad.any():
+            middle = points[cells[int(np.argmax(bad)), : len(cell.corners)]].mean(axis=0)
+            point = ", ".join(f"{value:g}" for value in middle)
+            raise MeshError(f"{name}: {np.count_nonzero(bad)} cells {defect}, the first at ({point})")
+
+
+def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
+    """Which cells are flat at a corner, and which are inverted between two of their nodes."""
+    x = np.array([np.mean([cell.corners[c] for c in corners], axis=0) for corners in cell.nodes])
+    jacobian = _jacobian(points, cells, cell, x)
+    size = _determinants(jacobian)
+    spanned = np.sqrt(np.einsum("mqdj,mqdj->mqj", jacobian, jacobian).prod(axis=2))
+    flat = np.any((np.abs(size) <= SAME_NUMBER * spanned)[:, : len(cell.corners)], axis=1)
+    return flat, np.logical_and(size.min(axis=1) < 0, size.max(axis=1) > 0)

@@ -12,10 +12,8 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.errors import InstallationError, MeshError, SignoriniError
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.cells import CELLS, completed
-from signorini_fx.mechanics.mesh.files.raw import Numbering, RawMesh
-from signorini_fx.mechanics.mesh.files.shape import Ints
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Numbering, RawMesh
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Ints, completed, order_in_gmsh
 from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
@@ -160,10 +158,9 @@ def content(gmsh: Any) -> RawMesh:
 
 def _order(kind: str, count: int) -> Any:
     """Node k of an element here is the node with this number in gmsh."""
-    cell = CELLS.get(kind)
-    if cell is None and (full_cell := completed(kind)) is not None:
-        cell = full_cell[0]
-    return np.arange(count) if cell is None else np.argsort(cell.gmsh_order[:count])
+    full_cell = completed(kind)
+    cell = CELLS.get(kind) if full_cell is None else full_cell[0]
+    return np.arange(count) if cell is None else order_in_gmsh(cell)[:count]
 
 
 def _check_ends(file: Path, form: str) -> None:

@@ -15,8 +15,7 @@ import numpy as np
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.cells import Cell
-from signorini_fx.mechanics.mesh.files.shape import Floats, Ints
+from signorini_fx.mechanics.mesh.files.cells import Cell, Floats, Ints
 from signorini_fx.mechanics.statement.mesh_sources import ContactSize
 from signorini_fx.tuned import FACET_SAMPLES, LONGEST_FACET, MOST_MESHINGS, SIZE_GROWTH
 
