@@ -364,9 +364,6 @@ ERROR_PATIENCE = 30.0
 PROGRESS_PAUSE = 0.2
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
-# A rank with more cells than this times the mean makes the others wait for longer than a new distribution takes.
-# No record.
-UNEVEN = 1.2
 # Cells become longer by this much per length away from facets of a given length.  Choice: at the depth of Hertz's half
 # width, eight facets, cells are three facets long.
 SIZE_GROWTH = 0.25

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
-from signorini_fx.mechanics.mesh.remeshing import moved_back, size_fields
+from signorini_fx.mechanics.mesh.refinement import moved_back, size_fields
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, load_file
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator, contact_sizes

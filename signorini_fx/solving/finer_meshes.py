@@ -10,8 +10,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.mesh.refinement import mark, refine
-from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, shorter_lengths
+from signorini_fx.mechanics.mesh.refinement import lengths_of_cells, mark, refine, shorter_lengths
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import Status

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from signorini_fx import SceneError, solve
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.size_field import SizeField
-from signorini_fx.mechanics.mesh.remeshing import lengths_of_cells, size_fields
+from signorini_fx.mechanics.mesh.refinement import lengths_of_cells, size_fields
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene

@@ -1,12 +1,16 @@
-"""Uniform and adaptive refinement of triangles and tetrahedra.
+"""The next mesh: triangles and tetrahedra that are bisected, or lengths of cells that gmsh makes anew.
 
-The names of boundaries and regions are kept.
+The names of boundaries and regions are kept.  Lengths follow O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth. Engng
+24 (1987): the error of a cell falls with its length to the power of the degree, and the next mesh is to have the same
+error in all cells.  At the ends of a contact it falls more slowly, so that another mesh follows: to begin with fewer
+cells costs less than to have too many.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
@@ -17,10 +21,15 @@ from mpi4py import MPI
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_arrays
-from signorini_fx.tuned import UNEVEN
+from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
+
+if TYPE_CHECKING:
+    from signorini_fx.mechanics.mesh.files.size_field import SizeField
+
+Floats = npt.NDArray[np.float64]
 
 
-def mark(comm: MPI.Comm, squares: npt.NDArray[np.float64], share: float = 0.5) -> npt.NDArray[np.int32]:
+def mark(comm: MPI.Comm, squares: Floats, share: float = 0.5) -> npt.NDArray[np.int32]:
     """The smallest number of cells with a given share of the squared error (Doerfler), over all ranks; collective.
 
     Args:
@@ -57,7 +66,7 @@ def check_divisible(tagged: TaggedMesh) -> None:
 def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> TaggedMesh:
     """Bisect triangles or tetrahedra; the mesh stays conforming.
 
-    Children stay on the rank of their parent, unless one rank has many more cells than the others by then.
+    Where only some are divided, the cells of several ranks are distributed anew.
 
     Args:
         tagged: the mesh.
@@ -97,8 +106,7 @@ def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> Ta
     facets, index = np.unique(facets[kinds != _NO_TAG], return_index=True)
     facet_tags = dmesh.meshtags(fine, dim - 1, facets.astype(np.int32), kinds[kinds != _NO_TAG][index])
     refined = TaggedMesh(fine, facet_tags, tagged.boundaries, cell_tags, tagged.regions, tagged.origin)
-    counts = fine.topology.index_map(dim)
-    if parallel.global_max(mesh.comm, counts.size_local) * mesh.comm.size <= UNEVEN * counts.size_global:
+    if cells is None or mesh.comm.size == 1:
         return refined
     arrays = arrays_of(refined)
     return replace(from_arrays(mesh.comm, lambda: arrays), origin=tagged.origin)
@@ -112,3 +120,152 @@ def _table(tags: dmesh.MeshTags, index_map: Any) -> npt.NDArray[np.int32]:
     table = np.full(index_map.size_local + index_map.num_ghosts, _NO_TAG, dtype=np.int32)
     table[tags.indices] = tags.values
     return table
+
+
+# --- lengths of the next cells ---------------------------------------------------------------------------------------
+
+
+def shorter_lengths(
+    comm: MPI.Comm, squares: Floats, lengths: Floats, factor: float, degree: int, dimension: int, finer: float
+) -> Floats:
+    """The lengths of cells for an error ``factor`` times as small, with the fewest cells; collective.
+
+    Those that this takes may be too many: then the error becomes as small as the allowed number of cells can make it.
+
+    Args:
+        comm: the ranks that share the mesh.
+        squares: squared error of each owned cell, shape (cells,).
+        lengths: of these cells.
+        factor: by which the error is to fall.
+        degree: power of its length with which the error of a cell falls.
+        dimension: of the mesh.
+        finer: how many times finer, on average over the body, the mesh may become: with 2 it has as many cells as one
+            all of whose cells are halved.
+    """
+    errors = np.sqrt(squares)
+    total, largest = float(parallel.global_sum(comm, squares.sum())), parallel.largest(comm, errors)
+    if not largest > 0:
+        return lengths
+
+    def shares(level: float) -> Floats:
+        with np.errstate(divide="ignore"):
+            wanted = (level / errors) ** (1 / (degree + dimension / 2))
+        return np.asarray(np.clip(wanted, SHORTEST_CHILD, 1.0))
+
+    allowed = finer**dimension * float(parallel.global_sum(comm, np.array(len(lengths))))
+    low, high = np.log(largest) - 60.0, np.log(largest)
+    for _ in range(60):
+        middle = (low + high) / 2
+        share = shares(np.exp(middle))
+        left_over = float(parallel.global_sum(comm, (squares * share ** (2 * degree)).sum()))
+        cells = float(parallel.global_sum(comm, (share**-dimension).sum()))
+        low, high = (low, middle) if left_over > total / factor**2 and cells < allowed else (middle, high)
+    return lengths * shares(np.exp(low))
+
+
+def lengths_of_cells(tagged: TaggedMesh) -> Floats:
+    """The mean length of the edges of each owned cell, shape (cells,)."""
+    from signorini_fx.mechanics.mesh.distribution import kind_of_mesh
+    from signorini_fx.mechanics.mesh.files.cells import order_of_nodes
+    from signorini_fx.mechanics.mesh.files.size_field import edges_of
+
+    kind, x = kind_of_mesh(tagged.mesh), tagged.mesh.geometry.x
+    assert kind is not None
+    owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
+    x = x[compat.geometry_cells(tagged.mesh)[:owned][:, np.argsort(order_of_nodes(kind))]]
+    return np.asarray(np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges_of(kind)], axis=0))
+
+
+def size_fields(
+    tagged: TaggedMesh, lengths: Floats, parts: Sequence[npt.NDArray[np.int32]], finer: float = np.inf
+) -> list[SizeField]:
+    """Lengths that grow slowly from the shortest ones, also from body to body; collective.
+
+    Where these would take too many cells all that differ from those of the mesh become longer by the same factor.
+
+    Args:
+        tagged: the mesh.
+        lengths: of the cells that take the place of each owned cell, shape (cells,).
+        parts: cells of this rank.
+        finer: see ``shorter_lengths``; cells between short and long ones count as well.
+
+    Returns:
+        A field on each part, on the first rank; without cells on the others.
+    """
+    from signorini_fx.mechanics.mesh.files.size_field import SizeField
+
+    comm, dim, of_part = tagged.mesh.comm, tagged.dimension, np.full(len(lengths), -1)
+    for number, members in enumerate(parts):
+        of_part[members[members < len(of_part)]] = number
+    arrays = arrays_of(tagged)
+    of_row = parallel.rows_on_root(comm, of_part)
+    of_cell = parallel.rows_on_root(comm, np.column_stack((lengths_of_cells(tagged), lengths)))
+    x, corners = arrays.points, arrays.corners
+    if not parallel.is_root(comm):
+        return [SizeField(x, corners, np.empty(0)) for _ in parts]
+    longest: Floats = np.zeros(len(x))
+    around: Floats = np.zeros(len(x))
+    np.add.at(longest, corners, of_cell[:, :1])
+    np.add.at(around, corners, 1.0)
+    longest /= np.maximum(around, 1.0)
+    share = np.ones(len(x))
+    np.minimum.at(share, corners, of_cell[:, 1:] / of_cell[:, :1])
+    used = np.flatnonzero(around)
+    sizes: Floats = longest.copy()
+    sizes[used] = _graded(x[used], longest[used] * share[used])
+    sizes = _affordable(sizes, longest, corners, of_cell[:, 0], dim, finer)
+    fields = []
+    for number in range(len(parts)):
+        nodes, cells = np.unique(corners[of_row == number], return_inverse=True)
+        fields.append(SizeField(x[nodes], cells.reshape(-1, corners.shape[1]), sizes[nodes]))
+    return fields
+
+
+def _affordable(
+    sizes: Floats, longest: Floats, corners: npt.NDArray[np.int64], old: Floats, dimension: int, finer: float
+) -> Floats:
+    """The lengths at all nodes, longer by a factor where these take too many cells, up to the longest ones.
+
+    Args:
+        sizes: at all nodes, length, shape (n,).
+        longest: those of the mesh, shape (n,).
+        corners: of each cell, shape (cells, c).
+        old: length of each cell of the mesh, shape (cells,).
+        dimension: of the mesh.
+        finer: see ``size_fields``.
+    """
+
+    def longer(factor: float) -> Floats:
+        return np.minimum(factor * sizes, longest)
+
+    def finer_by(factor: float) -> float:
+        count = ((old / longer(factor)[corners].mean(axis=1)) ** dimension).sum()
+        return float((count / len(old)) ** (1 / dimension))
+
+    if not finer_by(1.0) > finer:
+        return sizes
+    low, high = 1.0, float((longest / np.where(sizes > 0, sizes, np.inf)).max())
+    for _ in range(40):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if finer_by(middle) > finer else (low, middle)
+    return longer(high)
+
+
+def _graded(x: Floats, sizes: Floats) -> Floats:
+    """Lengths at points that differ by no more than ``SIZE_GROWTH`` times their distance, or about that."""
+    from scipy.spatial import cKDTree
+
+    graded = sizes.copy()
+    least = graded.min()
+    for octave in range(int(np.log2(graded.max() / least)) + 1):
+        at = np.floor(np.log2(graded / least))
+        short, longer = at == octave, at > octave
+        if short.any() and longer.any():
+            distance, nearest = cKDTree(x[short]).query(x[longer])
+            graded[longer] = np.minimum(graded[longer], graded[short][nearest] + SIZE_GROWTH * distance)
+    return graded
+
+
+def moved_back(field: SizeField, turning: Floats, pivot: Floats, shift: Floats) -> SizeField:
+    """The field where the body is before it is turned and moved to its place."""
+    return replace(field, points=np.asarray((field.points - shift - pivot) @ turning + pivot))

@@ -295,32 +295,18 @@ def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) 
 
 
 def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The parameters with which the generator ``name`` makes triangles or tetrahedra that can be divided.
-
-    None if it cannot.
-
-    Raises:
-        SceneError: unknown generator.
-    """
+    """Those with which the generator ``name`` makes triangles or tetrahedra that can be divided; None: it cannot."""
     cell = getattr(_generator(name, parameters), "simplices", None)
     return None if cell is None else {**parameters, "cell": cell}
 
 
 def has_local_sizes(name: str, parameters: Mapping[str, Any]) -> bool:
-    """Whether the generator ``name`` makes cells of several lengths, so that it may make cells of any.
-
-    Raises:
-        SceneError: unknown generator.
-    """
+    """Whether the generator ``name`` makes cells of several lengths, so that it may make cells of any."""
     return bool(getattr(_generator(name, parameters), "sized", False))
 
 
 def cells_of_generator(name: str, parameters: Mapping[str, Any]) -> tuple[str, ...]:
-    """The kinds of cells that the generator ``name`` can make, its own choice first; none if no parameter says so.
-
-    Raises:
-        SceneError: unknown generator, or wrong parameters.
-    """
+    """The kinds of cells that the generator ``name`` can make, its own choice first; none if no parameter says so."""
     generate = _generator(name, parameters)
     accepted = inspect.signature(generate).parameters
     own = parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
@@ -328,11 +314,7 @@ def cells_of_generator(name: str, parameters: Mapping[str, Any]) -> tuple[str, .
 
 
 def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The parameters with which the generator ``name`` uses cells of degree 2 on its arcs; None if it has no arcs.
-
-    Raises:
-        SceneError: unknown generator.
-    """
+    """Those with which the generator ``name`` makes cells of degree 2 on its arcs; None: it has no arcs."""
     accepted = inspect.signature(_generator(name, parameters)).parameters
     return {**parameters, "order": 2} if "order" in accepted else None
 
@@ -599,8 +581,6 @@ def tag_boundaries(
     Raises:
         TypeError: an argument is of another kind.
     """
-    from signorini_fx.mechanics.mesh.files.arrays import rows_of
-
     if not isinstance(mesh, dmesh.Mesh):
         raise TypeError(f"a mesh of dolfinx is expected, not {kind_of(mesh)}")
     rules = {name: _rule(rule) if isinstance(rule, str) else rule for name, rule in markers.items()}
@@ -612,21 +592,16 @@ def tag_boundaries(
     dim = mesh.topology.dim - 1
     facets_of = [dmesh.locate_entities_boundary(mesh, dim, rule).astype(np.int32) for rule in rules.values()]
     facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *facets_of]))
-    # A row for each facet: which markers hold there.  Each combination of several has a tag of its own.
+    # A row for each facet: which markers hold there.  Each combination has a tag of its own, the same on all ranks.
     holds = np.zeros((len(facets), len(rules)), dtype=bool)
     for marker, marked in enumerate(facets_of):
         holds[np.searchsorted(facets, marked), marker] = True
-    shared = np.unique(parallel.gather_rows(mesh.comm, np.unique(holds[holds.sum(axis=1) > 1], axis=0)), axis=0)
-    patterns = np.concatenate([np.eye(len(rules), dtype=bool), shared])
-    tags = rows_of(_places(holds), _places(patterns)) + 1
+    patterns = np.unique(parallel.gather_rows(mesh.comm, np.unique(holds, axis=0)), axis=0)
+    _, numbers = np.unique(np.concatenate((patterns, holds)), axis=0, return_inverse=True)
+    tags = numbers.ravel()[len(patterns) :] + 1
     facet_tags = dmesh.meshtags(mesh, dim, facets, tags.astype(np.int32))
     return TaggedMesh(
         mesh,
         facet_tags,
         _plain({name: tuple(map(int, np.flatnonzero(patterns[:, marker]) + 1)) for marker, name in enumerate(rules)}),
     )
-
-
-def _places(holds: npt.NDArray[np.bool_]) -> Ints:
-    """The numbers of the columns that are true in each row, with -1 for the others, shape (n, columns + 1)."""
-    return np.pad(np.where(holds, np.arange(holds.shape[1]), -1), ((0, 0), (0, 1)), constant_values=-1)
