@@ -1,21 +1,42 @@
-"""The draft of a scene from an Abaqus input file."""
+"""The draft of a scene from an Abaqus input file, which is read keyword by keyword.
+
+Each keyword has a function that takes the deck and the keyword; all others are in the tables of ``keywords``.
+"""
 
 from __future__ import annotations
 
 import math
 import os
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import Any
 
-from signorini_fx.addons.decks.bolts import bolt_tables
-from signorini_fx.addons.decks.contact import contact_tables, say_partners
+from signorini_fx.addons.decks import keywords, loads, material
+from signorini_fx.addons.decks.bolts import bolt_tables, read_bolt
+from signorini_fx.addons.decks.contact import (
+    contact_tables,
+    read_behaviour,
+    read_friction,
+    read_interaction,
+    read_pairs,
+    read_ties,
+    say_partners,
+)
 from signorini_fx.addons.decks.content import Deck
-from signorini_fx.addons.decks.deck import read_deck
-from signorini_fx.addons.decks.loads import temperature_tables
-from signorini_fx.addons.decks.material import has_rubber, is_nonlinear, material_tables, obstacle_of
-from signorini_fx.addons.decks.text import DeckBlock, placed, quoted
+from signorini_fx.addons.decks.mesh import NO_BODY, POINTS, read_model
+from signorini_fx.addons.decks.text import DeckBlock, placed, quoted, real
+from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.arrays import from_raw
+
+Reader = Callable[[Deck, DeckBlock], None]
+_STRESS = r"CPS|STRI|M3D|S\d"  # plane stress, if they are a plane body
+_ASSUMED = {"axisymmetric": "CAX", "plane stress": _STRESS, "plane strain": "CPE"}
+# Keywords of steps, which have no meaning outside of them.
+_OF_STEPS = {"STATIC", "BOUNDARY", "CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "MODELCHANGE"}
+_PROCEDURES = {"STATIC", *(keyword for keyword, effect in keywords.LOST.items() if effect == keywords.OTHER_PROCEDURE)}
 
 
 @dataclass(frozen=True)
@@ -48,10 +69,10 @@ def draft(file: Path, target: Path) -> Draft:
     deck = read_deck(file)
     with placed(file):
         tables = _tables(deck)
-    keywords = {block.keyword for block in deck.model.blocks}
+    present = {block.keyword for block in deck.model.blocks}
     touching = any(heading == "[[contact]]" for heading, _ in tables)
     lost, noted = (deck.remarks(lost=lost) for lost in (True, False))
-    if not touching and (deck.pairs or keywords & {"CONTACT", "GAP"}):
+    if not touching and (deck.pairs or present & {"CONTACT", "GAP"}):
         lost.append("all of its contact: bodies do not touch in the scene")
     lines = [f"# From {file.name}: read it, and complete what it lacks."]
     lines += [f"# Left out: {remark}" for remark in noted]
@@ -69,16 +90,16 @@ def _tables(deck: Deck) -> list[tuple[str, list[str]]]:
     """All tables of the scene but its mesh, each with its lines."""
     steps = max(1, len(deck.steps))
     element = ["degree = 2"] if deck.mesh.degree == 2 else []
-    element += ['volumetric = "auto"'] if has_rubber(deck) else []
-    heat = temperature_tables(deck, steps)
+    element += ['volumetric = "auto"'] if material.has_rubber(deck) else []
+    heat = loads.temperature_tables(deck, steps)
     contacts, stiffness = contact_tables(deck)
-    obstacle = obstacle_of(deck, contacts, heated=bool(heat))
-    if is_nonlinear(deck, obstacle):
+    obstacle = material.obstacle_of(deck, contacts, heated=bool(heat))
+    if material.is_nonlinear(deck, obstacle):
         contacts = say_partners(deck, contacts)
     tables = [
         *([("[element]", element)] if element else []),
-        *material_tables(deck, obstacle, heated=bool(heat)),
-        *_loads(deck, steps, releases=bool(contacts)),
+        *material.material_tables(deck, obstacle, heated=bool(heat)),
+        *_load_tables(deck, steps, releases=bool(contacts)),
         *heat,
         *bolt_tables(deck, steps),
         *(("[[contact]]", lines) for lines in contacts),
@@ -89,7 +110,7 @@ def _tables(deck: Deck) -> list[tuple[str, list[str]]]:
     return tables + ([("[solver]", stiffness)] if stiffness else [])
 
 
-def _loads(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, list[str]]]:
+def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, list[str]]]:
     """Supports and loads; those of a boundary that have the same course over the steps share a table."""
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     origins: dict[tuple[Any, ...], list[DeckBlock]] = {}
@@ -127,3 +148,179 @@ def _loads(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, list[st
         lines += [f"holds = [{', '.join('true' if value else 'false' for value in held)}]"] if held else []
         tables.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", lines))
     return tables
+
+
+# --- the input file ---------------------------------------------------------------------------------------------------
+
+
+def read_deck(file: Path) -> Deck:
+    """An input file: its mesh, and what acts on the body.
+
+    Args:
+        file: the input file.
+
+    Raises:
+        MeshError: there is no such file, or it is no mesh; a number is none, or a line has too few; the first step is
+            of no kind.
+    """
+    if not os.path.isfile(file):  # a name may be of any length
+        raise MeshError(f"{file}: no such file")
+    model = read_model(file)
+    deck = Deck(from_raw(model.raw, str(file)), model)
+    for block in model.blocks:
+        if block.keyword in _DEFINITIONS:
+            with placed(file, block):
+                _DEFINITIONS[block.keyword](deck, block)
+    for block in _used_keywords(file, deck):
+        with placed(file, block):
+            _say_undefined(deck, block)
+            _reader(block.keyword)(deck, block)
+    return deck
+
+
+def _reader(keyword: str) -> Reader:
+    if keyword in _READERS:
+        return _READERS[keyword]
+    if keyword in keywords.NOTED:
+        return lambda deck, block: deck.note(block, keywords.NOTED[keyword])
+    return lambda deck, block: deck.lose(block, keywords.LOST.get(keyword, keywords.UNKNOWN))
+
+
+def _say_undefined(deck: Deck, block: DeckBlock) -> None:
+    """Name sets and surfaces with members that are no part of the body."""
+    for key in {"NSET", "ELSET", "NAME"} & block.parameters.keys() if block.keyword in _SETS else ():
+        name = block.parameters[key]
+        count = deck.model.undefined.pop(name, 0)
+        if count:
+            say = deck.lose if name in deck.model.surfaces else deck.note
+            say(block, f"members of the set {name!r} that are not defined, or no part of the body: {count}")
+
+
+def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
+    """The keywords without those of steps that are not static."""
+    step: list[DeckBlock] | None = None
+    seen, static, kind = False, False, ""
+    for block in deck.model.blocks:
+        if block.keyword == "STEP":
+            if step is not None:
+                raise MeshError(f"{file}: {block.origin}: the step of {step[0].place} has no *END STEP before this one")
+            step, seen = [], True
+        if step is None:
+            if block.keyword in _OF_STEPS and (seen or block.keyword != "BOUNDARY"):
+                raise MeshError(f"{file}: {block.origin}: is expected within a step")
+            yield block
+            continue
+        if block.keyword == "INITIALCONDITIONS":
+            raise MeshError(f"{file}: {block.origin}: is expected before the first step")
+        step.append(block)
+        if block.keyword != "ENDSTEP" and block is not deck.model.blocks[-1]:
+            continue
+        procedure = next((entry.name for entry in step if entry.keyword in _PROCEDURES), "")
+        if not procedure and not kind:
+            why = "does not say of what kind it is: write *STATIC into it; CalculiX solves nothing in such a step"
+            raise MeshError(f"{file}: {step[0].origin}: the step {why}")
+        if not procedure:
+            deck.note(step[0], f"*{kind}, as the step before it: this one does not say of what kind it is")
+        kind = procedure or kind
+        if kind != "STATIC":
+            deck.lose(step[0], f"the step, *{kind}: {keywords.OTHER_PROCEDURE}")
+        elif static and "PERTURBATION" in step[0].parameters:
+            deck.lose(step[0], f"the step, a perturbation of the one before it: {keywords.OTHER_PROCEDURE}")
+        else:
+            static = True
+            yield from step
+        step = None
+
+
+# --- keywords ---------------------------------------------------------------------------------------------------------
+
+
+def _read_nothing(deck: Deck, block: DeckBlock) -> None:
+    """It has been read, or a scene does not need it."""
+
+
+def _within_steps(read: Reader) -> Reader:
+    """The reader of what a scene cannot change from step to step."""
+
+    def reader(deck: Deck, block: DeckBlock) -> None:
+        if deck.steps:
+            deck.lose(block, keywords.CHANGED_WITHIN)
+        else:
+            read(deck, block)
+
+    return reader
+
+
+def _read_heading(deck: Deck, block: DeckBlock) -> None:
+    deck.title = ", ".join(block.rows[0]) if block.rows else ""
+
+
+def _read_element(deck: Deck, block: DeckBlock) -> None:
+    """The assumption of elements of the plane, one for all; elements that are no part of the body."""
+    kind = block.parameters["TYPE"].upper()
+    if NO_BODY.match(kind):
+        if not POINTS.match(kind):
+            deck.lose(block, f"{kind}: {keywords.NO_BODY_PART}")
+        return
+    assumed = next((name for name, pattern in _ASSUMED.items() if re.match(pattern, kind)), "")
+    if deck.mesh.dim == 3 or not assumed or kind == "CAX4P":  # meshio writes any quadrilateral as CAX4P
+        return
+    if deck.assumed not in ("", assumed):
+        deck.lose(block, f"{kind} beside elements of another kind ({deck.assumed}): all are {assumed} here")
+    deck.assumed = assumed
+    deck.hypothesis = "" if assumed == "plane strain" else assumed
+
+
+def _read_step(deck: Deck, block: DeckBlock) -> None:
+    deck.steps.append(block.parameters.get("NAME", f"step {len(deck.steps) + 1}"))
+    deck.time += deck.period if deck.step else 0.0
+    deck.period = 1.0
+    deck.ends[deck.step] = deck.time + deck.period
+    if block.parameters.get("NLGEOM", "NO").upper() in ("", "YES"):
+        deck.nonlinear = block
+    if "PERTURBATION" in block.parameters:
+        deck.lose(block, "PERTURBATION: contact may open and close here, and does not in such a step")
+
+
+def _read_static(deck: Deck, block: DeckBlock) -> None:
+    rows = block.rows
+    deck.period = (real(rows[0][1]) if rows and len(rows[0]) > 1 else 0.0) or 1.0  # as both programs take it
+    deck.ends[deck.step] = deck.time + deck.period
+
+
+def _read_amplitude(deck: Deck, block: DeckBlock) -> None:
+    deck.amplitudes[block.parameters["NAME"].upper()] = block
+
+
+_SETS = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
+# Keywords that may be anywhere in the file.
+_DEFINITIONS: dict[str, Reader] = {
+    "AMPLITUDE": _read_amplitude,
+    "PRE-TENSIONSECTION": read_bolt,
+}
+_READERS: dict[str, Reader] = {
+    **dict.fromkeys((*_SETS, *_DEFINITIONS, "ENDSTEP", "SYSTEM"), _read_nothing),
+    **dict.fromkeys(keywords.OUTPUT, _read_nothing),
+    "HEADING": _read_heading,
+    "ELEMENT": _read_element,
+    **dict.fromkeys(("SOLIDSECTION", "SHELLSECTION", "MEMBRANESECTION"), material.read_section),
+    "MATERIAL": material.read_material,
+    "DENSITY": _within_steps(material.read_density),
+    "ELASTIC": _within_steps(material.read_elastic),
+    "EXPANSION": _within_steps(material.read_expansion),
+    "HYPERELASTIC": _within_steps(material.read_rubber),
+    "PLASTIC": _within_steps(material.read_hardening),
+    "SURFACEINTERACTION": read_interaction,
+    "FRICTION": _within_steps(read_friction),
+    "SURFACEBEHAVIOR": _within_steps(read_behaviour),
+    "CONTACTPAIR": read_pairs,
+    "TIE": read_ties,
+    "STEP": _read_step,
+    "STATIC": _read_static,
+    "BOUNDARY": loads.read_boundary,
+    "CLOAD": loads.read_forces,
+    "DLOAD": loads.read_body_forces,
+    "DSLOAD": loads.read_surface_loads,
+    "TEMPERATURE": loads.read_temperatures,
+    "INITIALCONDITIONS": loads.read_temperatures,
+}

@@ -9,8 +9,8 @@ import numpy as np
 
 from signorini_fx.addons.decks import bolts
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
-from signorini_fx.addons.decks.groups import Group
 from signorini_fx.addons.decks.keywords import UNKNOWN, WITHOUT_EFFECT
+from signorini_fx.addons.decks.mesh import Group
 from signorini_fx.addons.decks.text import (
     ROTATIONS,
     DeckBlock,
