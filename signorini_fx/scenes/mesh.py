@@ -73,9 +73,8 @@ def with_cells_alike(scene: Scene) -> Scene:
 
 
 def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
-    """The mesh of one of several bodies, None: the only one, with its sections; see ``load_mesh``."""
+    """The mesh of one of several bodies, None: the only one; see ``load_mesh``."""
     source: Any = scene.mesh if number is None else scene.body[number].mesh
-    sections = scene.statement.sections if number is None else scene.sections_of(scene.body[number].name)
     sizes = contact_sizes(scene, number)
     match source:
         case TaggedMesh():
@@ -89,7 +88,7 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
             curved = scene.element.degree == 2 and drawn
             if number is not None and not drawn:
                 sizes = ()  # they are for the other body
-            tagged = load_file(source, comm, 0, 2 if curved else None, sections, sizes)
+            tagged = load_file(source, comm, 0, 2 if curved else None, sizes)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm, sizes)
         case _:
@@ -145,9 +144,8 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
             if isinstance(mesh, MeshFile):
                 drawn = mesh.file.suffix.lower() in DRAWN
                 curved = scene.element.degree == 2 and drawn  # as without a given accuracy
-                sections = scene.sections_of(body.name)
                 sizes = contact_sizes(scene, number) if drawn else ()
-                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sections, sizes)
+                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sizes)
             elif isinstance(mesh, TaggedMesh):
                 for _ in range(halvings):
                     mesh = refine(mesh)

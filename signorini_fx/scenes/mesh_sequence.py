@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import partial
 from math import log2
@@ -93,8 +92,7 @@ class MeshedScene(MeshedProblem):
         assert self.plan is not None
         last, scene, halvings = self.scene, self.plan.scene, round(log2(times))
         if isinstance(scene.mesh, MeshFile):
-            sections, sizes = scene.statement.sections, contact_sizes(scene)
-            return self.on(load_file(scene.mesh, self.comm, halvings, self.plan.geometry, sections, sizes))
+            return self.on(load_file(scene.mesh, self.comm, halvings, self.plan.geometry, contact_sizes(scene)))
         if scene.statement.generated:
             scene = scene_on(scene, self.coarsest / times)
         elif scene.body:
@@ -110,15 +108,15 @@ class MeshedScene(MeshedProblem):
         assert self.plan is not None
         dim, first = last.dimension, with_cells_alike(self.plan.scene)
 
-        def with_lengths(mesh: Any, field: SizeField, sections: Collection[str]) -> TaggedMesh:
+        def with_lengths(mesh: Any, field: SizeField) -> TaggedMesh:
             """The cells of a table ``mesh``, of these lengths."""
             if isinstance(mesh, MeshGenerator):
                 return generate_mesh(mesh.generator, mesh.parameters, self.comm, field)
-            return load_file(mesh, self.comm, 0, 2 if self.scene.element.degree == 2 else None, sections, field)
+            return load_file(mesh, self.comm, 0, 2 if self.scene.element.degree == 2 else None, field)
 
         if not first.body:
             (field,) = size_fields(last, lengths, [np.arange(len(lengths), dtype=np.int32)], finer)
-            tagged = with_lengths(first.mesh, field, first.statement.sections)
+            tagged = with_lengths(first.mesh, field)
             return self.on(tagged), tagged.mesh.topology.index_map(dim).size_global
         bodies, count = [], 0
         fields = size_fields(last, lengths, [last.cells(body.name) for body in first.body], finer)
@@ -126,7 +124,7 @@ class MeshedScene(MeshedProblem):
             pivot, shift = (np.array(vector or (0.0,) * dim) for vector in (body.pivot, body.shift))
             turned = np.eye(dim) if body.rotation is None else turning(body.rotation, dim)
             field = moved_back(of_body, turned, pivot, shift)
-            tagged = with_lengths(body.mesh, field, first.sections_of(body.name))
+            tagged = with_lengths(body.mesh, field)
             count += tagged.mesh.topology.index_map(dim).size_global
             bodies.append(body.model_copy(update={"mesh": tagged}))
         return replace(self, scene=self.scene.model_copy(update={"body": tuple(bodies)})), count

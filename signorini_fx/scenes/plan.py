@@ -206,8 +206,8 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
     drawn = file.file.suffix.lower() in DRAWN
-    sizes, sections = contact_sizes(scene), scene.statement.sections
-    tagged = load_file(file, comm, 0, 2 if drawn else None, sections, sizes)
+    sizes = contact_sizes(scene)
+    tagged = load_file(file, comm, 0, 2 if drawn else None, sizes)
     curved = curvature(tagged) > SAME_LENGTH * tagged.size
     degree = compat.geometry_degree(tagged.mesh)
     better = tagged.dimension == 2 and goal.refinement == "auto" and (goal.of in LOCAL or curved)
@@ -218,7 +218,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
                 "would stay the polygon that they are; use 'uniform'"
             )
             raise SceneError([("accuracy.refinement", message)])
-        straight = load_file(file, comm, degree=1, sections=sections, sizes=sizes)
+        straight = load_file(file, comm, degree=1, sizes=sizes)
         check_divisible(straight)
         divided = _of_degree_2(scene) if _takes_degree_2(goal, tagged.dimension) else scene
         divided = divided.model_copy(update={"mesh": straight})

@@ -268,10 +268,6 @@ class Scene(Table):
             origin={key: getattr(self, key) for key in origin},
         )
 
-    def sections_of(self, body: str) -> tuple[str, ...]:
-        """The names of facets inside the mesh that it uses, as one of its bodies calls them."""
-        return tuple(name.removeprefix(f"{body}.") for name in self.statement.sections)
-
 
 def _count(effects: Mapping[str, tuple[Any, ...]], load_steps: LoadSteps) -> int:
     """Number of factors of each load; without factors one for each of the times, if anything depends on the time."""

@@ -6,7 +6,6 @@ from bolts import BOLT, COMM, MORE, PULL, SLEEVE, TIGHT, YOUNG, clamped, figures
 from mpi4py import MPI
 
 from signorini_fx import SceneError, solve
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
@@ -145,7 +144,6 @@ def test_a_section_that_a_file_names(tmp_path, several):
     assert np.isclose(solve(scene).preloads[0].force, YOUNG * 0.03 / 3.0, rtol=1e-10)
     tagged = load_mesh(scene, COMM)
     assert not COMM.allreduce(tagged.facets(f"{name}cut").size)  # nothing of the boundary
-    assert not read_file(file).boundaries["cut"].size  # nobody else stores them
 
 
 MISTAKES = {

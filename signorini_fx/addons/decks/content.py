@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -104,8 +104,9 @@ class Deck:
     """What has been read, and remarks on what is not.
 
     Attributes:
-        mesh: the mesh as the scene has it.
+        mesh: the mesh as the scene has it, its boundaries outside alone.
         model: the mesh and the keywords of the file.
+        inside: name of a boundary -> how many of its facets are inside the body.
         said: (keyword, remark, whether the answer changes) -> places in the file.
         material: the current *MATERIAL; ``interaction`` likewise.
         assumed: the assumption of plane elements, of which ``hypothesis`` is the key.
@@ -117,6 +118,7 @@ class Deck:
 
     mesh: MeshArrays
     model: DeckModel
+    inside: Mapping[str, int]
     remark_places: dict[tuple[str, str, bool], list[str]] = field(default_factory=dict)
     title: str = ""
     material: str = ""

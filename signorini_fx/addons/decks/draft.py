@@ -9,7 +9,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -166,7 +166,10 @@ def read_deck(file: Path) -> Deck:
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
     model = read_model(file)
-    deck = Deck(from_raw(model.raw, str(file)), model)
+    mesh = from_raw(model.raw, str(file))
+    outside = {name: rows[mesh.outside[rows]] for name, rows in mesh.boundaries.items()}
+    inside = {name: len(rows) - len(outside[name]) for name, rows in mesh.boundaries.items()}
+    deck = Deck(replace(mesh, boundaries=outside), model, inside)
     for block in model.blocks:
         if block.keyword in _DEFINITIONS:
             with placed(file, block):

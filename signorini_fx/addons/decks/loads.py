@@ -97,7 +97,7 @@ def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
 
 def _press(deck: Deck, block: DeckBlock, where: str, value: float) -> None:
     _set_load(deck, DeckLoad("traction", where, ("pressure",), block), value)
-    if inside := deck.mesh.inside.get(where, 0):
+    if inside := deck.inside[where]:
         deck.lose(block, f"pressure on faces inside the body: {inside}")
 
 

@@ -77,7 +77,7 @@ def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:
         facets=np.concatenate([mesh.facets + first for mesh, first in zip(meshes, first_point, strict=False)]),
         boundaries=_named(names, [mesh.boundaries for mesh in meshes], first_facet),
         regions=regions | whole,
-        inside=_named(names, [mesh.inside for mesh in meshes], [0] * len(meshes)),
+        astray=_named(names, [mesh.astray for mesh in meshes], [0] * len(meshes)),
     )
 
 

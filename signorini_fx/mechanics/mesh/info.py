@@ -26,12 +26,13 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         ``length``, in 3D ``area``; ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``, in
         space ``volume``.
     """
-    size, outside = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
+    size, areas = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
     measure, around, of_facets = _MEASURES[mesh.dim]
     diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
 
-    def facets(rows: Ints) -> dict[str, Any]:
-        figures: dict[str, Any] = {"facets": len(rows), of_facets: float(outside[rows].sum())}
+    def facets(named: Ints) -> dict[str, Any]:
+        rows = named[mesh.outside[named]]
+        figures: dict[str, Any] = {"facets": len(rows), of_facets: float(areas[rows].sum())}
         return figures | ({"bounds": _bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
 
     def cells(rows: Ints) -> dict[str, Any]:
@@ -44,7 +45,7 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         "points": len(mesh.points),
         "bounds": _bounds(mesh.points),
         measure: float(size.sum()),
-        around: float(outside.sum()),
+        around: float(areas[mesh.outside].sum()),
         "pieces": _pieces(mesh),
         "coincident": _coincident(mesh.points, NOTHING_LEFT * diagonal),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -47,7 +47,7 @@ class TaggedMesh(TaggedMeshBase):
         cell_tags: tags on cells; None if the body is one region.
         regions: name of a part of the body -> its tag, or all its tags.
         origin: what a scene calls the file or the generator that it was made from; empty if the caller made it.
-        left_out: name of a boundary -> how many of its facets in the file are inside of the body, and have no tag.
+        left_out: name of a boundary -> how many of its elements in the file are no sides of cells, and have no tag.
     """
 
     mesh: dmesh.Mesh
@@ -224,13 +224,12 @@ def load_file(
     comm: MPI.Comm,
     halvings: int = 0,
     degree: int | None = None,
-    sections: Collection[str] = (),
     sizes: Sizes = (),
 ) -> TaggedMesh:
     """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
     names = (mesh.boundaries, mesh.regions, mesh.data)
     try:
-        tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sections, sizes)
+        tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sizes)
     except MeshError as error:
         raise MeshError(f"mesh.file: {error}") from None
     return replace(tagged, origin={"file": mesh.file.name})
@@ -328,7 +327,6 @@ def read_mesh(
     halvings: int = 0,
     degree: int | None = None,
     size: float | None = None,
-    sections: Collection[str] = (),
     sizes: Sizes = (),
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
@@ -344,7 +342,6 @@ def read_mesh(
         degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
             curves; None: as the file has it, 1 for a drawing of a CAD program.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
-        sections: names of the file whose facets inside the body are wanted, too.
         sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.
 
     Raises:
@@ -354,7 +351,7 @@ def read_mesh(
     from signorini_fx.mechanics.mesh.files import formats
 
     def read() -> MeshArrays:
-        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sections, sizes)
+        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sizes)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
                 f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
@@ -383,12 +380,12 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
         of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
         arrays_on_root.append((arrays, of_side, of_cell))
-        return arrays.kind, sides, parts, arrays.inside
+        return arrays.kind, sides, parts, arrays.astray
 
-    kind, sides, parts, inside = parallel.on_root(comm, made)
+    kind, sides, parts, astray = parallel.on_root(comm, made)
     held = arrays_on_root.pop() if arrays_on_root else None
     mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held)
-    return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), left_out=inside)
+    return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), left_out=astray)
 
 
 def arrays_of(tagged: TaggedMesh) -> MeshArrays:
@@ -430,7 +427,7 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
             name: np.flatnonzero(np.isin(facets[:, corners], tags)) for name, tags in tagged.boundaries.items()
         },
         regions={name: np.sort(parts[np.isin(parts[:, 1], tags), 0]) for name, tags in tagged.regions.items()},
-        inside=tagged.left_out,
+        astray=tagged.left_out,
     )
 
 
@@ -536,8 +533,7 @@ def _drawn(gmsh: Any, top: int, sizes: Sizes, name: str, unit: float) -> MeshArr
     from signorini_fx.mechanics.mesh.halving import straightened
 
     def current() -> MeshArrays:
-        raw = content(gmsh)
-        arrays = from_raw(raw, name, sections=tuple(raw.sets))
+        arrays = from_raw(content(gmsh), name)
         return replace(arrays, points=unit * arrays.points)
 
     first = current()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -96,12 +97,12 @@ class MeshArrays:
         points: positions of the nodes, each of which belongs to a cell, shape (n, d).
         kind: a kind of cell of ``CELLS``, of d dimensions.
         cells: nodes of each cell in the order of its kind, shape (m, k).
-        facets: nodes of each exterior facet in the order of its kind, shape (f, l); after them facets inside the body
-            that belong to sections.
+        facets: nodes of each exterior facet, and of those inside the body that have a name, in the order of their
+            kind, shape (f, l).
         boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
         regions: name -> rows of ``cells``, sorted; regions may overlap.
         completed: whether cells of the file have got nodes in the middle of their faces.
-        inside: name of a boundary -> how many of the elements that it has in the file are no exterior facets.
+        astray: name of a boundary -> how many of the elements that it has in the file are no sides of cells.
     """
 
     points: Floats
@@ -111,7 +112,7 @@ class MeshArrays:
     boundaries: Mapping[str, Ints]
     regions: Mapping[str, Ints]
     completed: bool = False
-    inside: Mapping[str, int] = field(default_factory=dict)
+    astray: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def cell(self) -> Cell:
@@ -135,8 +136,15 @@ class MeshArrays:
 
     @property
     def facet_corners(self) -> Ints:
-        """Corners of each exterior facet along its perimeter, shape (f, c)."""
+        """Corners of each facet along its perimeter, shape (f, c)."""
         return self.facets[:, : len(self.facet.corners)]
+
+    @cached_property
+    def outside(self) -> npt.NDArray[np.bool_]:
+        """Which facets are exterior ones, shape (f,)."""
+        sides = sides_of(self.cells, self.cell)[:, : len(self.facet.corners)]
+        keys = row_keys(np.concatenate((self.facet_corners, sides)))
+        return np.bincount(keys[len(self.facets) :])[keys[: len(self.facets)]] == 1
 
     @property
     def degree(self) -> int:
@@ -150,9 +158,8 @@ def from_raw(
     boundaries: Mapping[str, Selection] | None = None,
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
-    sections: Collection[str] = (),
 ) -> MeshArrays:
-    """The cells of a raw mesh with their exterior facets and all names.
+    """The cells of a raw mesh with their exterior facets, those inside that have a name, and all names.
 
     The mesh is in 3D if it has cells of three dimensions; otherwise it must be in a plane x[2] = constant.
 
@@ -163,7 +170,6 @@ def from_raw(
             vertices satisfy it (true or positive).
         regions: the same for cells and all their vertices.
         data: the cell data that numbers refer to; None: the only one that has any.
-        sections: names of sets of the file whose facets inside the body are wanted, too.
 
     Raises:
         MeshError: there are no cells, or cells of several kinds; they are a surface in 3D, folded or flat; or a node
@@ -181,36 +187,34 @@ def from_raw(
     check_shape(points, cells, cell, name)
     _check_middles(cells, cell, name)
     width = len(CELLS[cell.facet].corners)
-    facets = _exterior(cells, cell, name)
-    exterior = len(facets)
-    if any(label in raw.sets for label in sections):
-        facets = np.concatenate((facets, _inside(raw, sections, renumber, sides_of(cells, cell), facets, width)))
+    exterior = _exterior(cells, cell, name)
     named = [n for n, (k, nodes) in enumerate(raw.blocks) if _corners_of(k) == width and n not in body]
     facet_tables = [renumber[raw.blocks[n][1][:, :width]] for n in named]
     ends = np.cumsum([len(rows) for rows in facet_tables])[:-1]
     named_facets = np.concatenate([np.empty((0, width), dtype=np.int64), *facet_tables])
+    facets = np.concatenate((exterior, _inside(named_facets, sides_of(cells, cell), exterior)))
     rows = np.split(rows_of(named_facets, facets[:, :width]), ends) if named else []
-    sides = _Entities("boundaries", "exterior facet", dict(zip(named, rows, strict=True)), facets[:, :width])
+    sides = _Entities("boundaries", "exterior facet", dict(zip(named, rows, strict=True)), exterior[:, :width])
     first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
     cell_rows = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
     parts = _Entities("regions", "cell", cell_rows, corners)
     numbers_of = {entities.key: _numbers(raw, entities, data, name) for entities in (sides, parts)}
     of_sides, of_parts = (_named_elements(raw, entities, numbers_of[entities.key]) for entities in (sides, parts))
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
-    names = _from_nodes(raw, renumber, len(points), sides.nodes[:exterior])
+    names = _from_nodes(raw, renumber, len(points), sides.nodes)
     names |= {label: sides.take(members) for label, members in of_sides.items()}
-    inside = {label: missed for label, members in of_sides.items() if (missed := sides.missed(members))}
+    astray = {label: missed for label, members in of_sides.items() if (missed := sides.missed(members))}
     names_of_parts = {label: parts.take(members) for label, members in of_parts.items()}
     problems: list[tuple[str, str]] = []
     for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
         for label, selection in (chosen or {}).items():
             if entities is sides:
-                inside.pop(label, None)
+                astray.pop(label, None)
             if isinstance(selection, int | tuple):
                 chosen_numbers = selection if isinstance(selection, tuple) else (selection,)
                 elements = [entities.with_number(numbers_of[entities.key], value) for value in chosen_numbers]
                 if entities is sides and (missed := sum(map(sides.missed, elements))):
-                    inside[label] = missed
+                    astray[label] = missed
                 found = [entities.take(members) for members in elements]
                 absent = [value for value, rows in zip(chosen_numbers, found, strict=True) if not rows.size]
                 selected = np.unique(np.concatenate(found)) if not absent else np.empty(0, dtype=np.int64)
@@ -230,7 +234,7 @@ def from_raw(
     if problems:
         raise SceneError(problems)
     return MeshArrays(
-        points, kind, cells, facets, names, names_of_parts, completed=full_cell is not None, inside=inside
+        points, kind, cells, facets, names, names_of_parts, completed=full_cell is not None, astray=astray
     )
 
 
@@ -247,7 +251,7 @@ class _Entities:
         key: the key of the scene for their names.
         word: the word for them in messages.
         rows: block of the raw mesh -> which of them each element is, -1: none.
-        nodes: corners of each.
+        nodes: corners of each cell or exterior facet.
     """
 
     key: str
@@ -419,27 +423,20 @@ def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
     return cells[rows[:, None], facet_nodes[sides]]
 
 
-def _inside(raw: RawMesh, sections: Collection[str], renumber: Ints, sides: Ints, facets: Ints, width: int) -> Ints:
-    """The facets inside the body that some sets of a raw mesh have, each once.
+def _inside(named: Ints, sides: Ints, exterior: Ints) -> Ints:
+    """The sides of cells inside the body with the corners of some named facets, each once.
 
     Args:
-        raw: the mesh.
-        sections: names of the sets.
-        renumber: the number of each of its points here.
+        named: corners of the named facets, shape (n, c).
         sides: see ``sides_of``.
-        facets: the exterior facets.
-        width: how many corners each has.
+        exterior: the exterior facets.
     """
-    members = [
-        renumber[raw.blocks[block][1][rows][:, :width]]
-        for label in sections
-        for block, rows in enumerate(raw.sets.get(label, ()))
-        if _corners_of(raw.blocks[block][0]) == width
-    ]
-    wanted = np.concatenate([np.empty((0, width), dtype=np.int64), *members])
-    wanted = wanted[rows_of(wanted, facets[:, :width]) < 0]
-    side_rows = rows_of(wanted, sides[:, :width])
-    return sides[np.unique(side_rows[side_rows >= 0])]
+    width = named.shape[1]
+    wanted = named[rows_of(named, exterior[:, :width]) < 0]
+    if not wanted.size:
+        return exterior[:0]
+    rows = rows_of(wanted, sides[:, :width])
+    return sides[np.unique(rows[rows >= 0])]
 
 
 def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:

@@ -7,7 +7,7 @@ import importlib
 import io
 import math
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -36,7 +36,6 @@ def read_file(
     halvings: int = 0,
     degree: int | None = None,
     size: float | None = None,
-    sections: Collection[str] = (),
     sizes: Sizes = (),
     *,
     joined: bool = False,
@@ -71,7 +70,7 @@ def read_file(
         raise SceneError([(sizes[0].path, message)])
 
     def named(raw: RawMesh) -> MeshArrays:
-        return from_raw(raw, str(file), boundaries, regions, data, sections)
+        return from_raw(raw, str(file), boundaries, regions, data)
 
     if suffix in DRAWN:
         drawn = read_gmsh(file, named, halvings, degree, size, sizes, joined=joined)
