@@ -368,6 +368,9 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
     Args:
         comm: the ranks that share the mesh.
         make: called on the first rank only; what it raises is raised on all.
+
+    Raises:
+        MeshError: cells have different nodes in the middle of the same edge or face, or one in the middle of two.
     """
     from signorini_fx.mechanics.mesh.distribution import from_root
     from signorini_fx.mechanics.mesh.files.arrays import combinations
@@ -375,16 +378,18 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
 
     arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
-    def made() -> tuple[str, Tags, Tags, Mapping[str, int]]:
+    def made() -> tuple[str, int, Tags, Tags, Mapping[str, int]]:
         arrays = make()
         of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
         arrays_on_root.append((arrays, of_side, of_cell))
-        return arrays.kind, sides, parts, arrays.astray
+        return arrays.kind, len(arrays.points), sides, parts, arrays.astray
 
-    kind, sides, parts, astray = parallel.on_root(comm, made)
+    kind, nodes, sides, parts, astray = parallel.on_root(comm, made)
     held = arrays_on_root.pop() if arrays_on_root else None
     mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held)
+    if mesh.geometry.index_map().size_global != nodes:
+        raise MeshError("cells cross: a node in the middle of edges or faces belongs to two of them, or two to one")
     return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), left_out=astray)
 
 

@@ -185,7 +185,6 @@ def from_raw(
     points, cells, renumber = _points_of(raw, body, cell.dim, name)
     corners = cells[:, : len(cell.corners)]
     check_shape(points, cells, cell, name)
-    _check_middles(cells, cell, name)
     width = len(CELLS[cell.facet].corners)
     exterior = _exterior(cells, cell, name)
     named = [n for n, (k, nodes) in enumerate(raw.blocks) if _corners_of(k) == width and n not in body]
@@ -367,20 +366,6 @@ def _check_plane(points: Floats, name: str) -> None:
         f"{name}: the mesh is not in a plane x[2] = constant, off by {spread[2]:g}, the most at ({place}): turn it "
         "there; a body in 3D has tetrahedra or hexahedra: in gmsh, put the volume into a physical group of dimension 3"
     )
-
-
-def _check_middles(cells: Ints, cell: Cell, name: str) -> None:
-    """Refuse cells that have different nodes in the middle of the same edge or face, or one in the middle of two."""
-    count = int(cells.max()) + 1
-    for width in {len(ends) for ends in cell.nodes} - {1}:
-        columns = [k for k, ends in enumerate(cell.nodes) if len(ends) == width]
-        ends = cells[:, [cell.nodes[k] for k in columns]].reshape(-1, width)
-        keys, nodes = row_keys(ends), cells[:, columns].ravel()
-        pairs = np.unique(np.unique(keys, return_inverse=True)[1].reshape(-1) * count + nodes)
-        if not len(pairs) == np.unique(keys).size == np.unique(nodes).size or np.isin(nodes, ends).any():
-            raise MeshError(
-                f"{name}: cells cross: some nodes in the middle of edges or faces belong to two of them, or two to one"
-            )
 
 
 def _complete(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tuple[RawMesh, str]:
