@@ -88,7 +88,7 @@ def test_a_deck(tmp_path, capsys):
     assert data["displacement"] == [
         {"boundary": "SOLE", "x": 0.0, "y": 0.0},
         {"boundary": "WALL", "x": 0.0},
-        {"at": [0.5, 0.0], "x": 0.0},
+        {"at": [0.5, 0.0], "region": "Body", "x": 0.0},
     ]
     assert data["traction"] == [
         {"boundary": "LID", "pressure": 4.0, "factors": [1.0, 0.5]},
@@ -104,7 +104,8 @@ def test_a_deck(tmp_path, capsys):
     assert f"# Left out: {noted}\n" in scene.read_text()
     keywords = [line.partition(": ")[0].partition("*")[2] for line in data["incomplete"]]
     assert keywords == ["SURFACE BEHAVIOR", "MODEL CHANGE"]
-    assert data["point_force"] == [{"at": [0.5, 0.0], "x": 5.0, "factors": [0.0, 1.0]}]
+    force = {"at": [0.5, 0.0], "region": "Body", "x": 5.0, "factors": [0.0, 1.0]}
+    assert data["point_force"] == [force]
     assert data["solver"] == {"gamma_n": 1e6}
     number = int(data["incomplete"][0].split()[1].rstrip(","))
     assert (tmp_path / "deck.inp").read_text().splitlines()[number - 1].startswith("*SURFACE BEHAVIOR")
@@ -139,7 +140,7 @@ def test_what_single_nodes_have(tmp_path, capsys):
 
 
 def test_sets_that_are_more_or_less_than_facets(tmp_path, capsys):
-    """Nodes of no whole facet are held one by one; members that are no part of the body are counted."""
+    """Nodes of no whole facet are held one by one; those that are no part of the body are named."""
     lines = ["*NSET, NSET=SOME, GENERATE", f"1, {3 * NX + 3}", "*NSET, NSET=SOME", "5000, 5001", "1001"]
     lines += ["*BOUNDARY", "some, 2", "LID, 3", "REF, 1", "*BOUNDARY", "1001, 1"]
     _, data, said = drafted(tmp_path, [*block(), *MATERIAL, *lines], capsys)
@@ -148,7 +149,6 @@ def test_sets_that_are_more_or_less_than_facets(tmp_path, capsys):
     assert {tuple(point) for point in points} == {("at", "y")}
     assert len(points) == 2 * (NX - 1)
     assert lines_of(said) == [
-        "NSET: members of the set 'SOME' that are not defined, or no part of the body: 2",
         "BOUNDARY: support of 'REF': no part of the body",
         "BOUNDARY: support of node 1001: no part of the body",
     ]
@@ -323,9 +323,9 @@ def test_rigid_surfaces_are_lost(tmp_path, capsys):
     rigid += ["*STEP", "*STATIC", "*BOUNDARY", "REF, 2, 2, 0.001", "*CLOAD", "REF, 1, 3.", "*END STEP"]
     _, _, said = drafted(tmp_path, [*block(), *MATERIAL, *rigid], capsys)
     assert lines_of(said) == [
+        "BOUNDARY: support of 'REF': no part of the body",
+        "CLOAD: force at node 1001: no part of the body",
         "RIGID BODY: rigid bodies are not read: give the shape as foundation of a contact, or its distance as gap",
-        "BOUNDARY: support of 'REF': no part of the body, which a constraint may tie to it",
-        "CLOAD: force at node 1001: no part of the body, which a constraint may tie to it",
         "CONTACT PAIR: contact of 'FLOOR SIDE' with 'GROUND': 'GROUND' is no boundary of the body",
         "all of its contact: bodies do not touch in the scene",
     ]

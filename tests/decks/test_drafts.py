@@ -136,8 +136,8 @@ def test_an_assembly(tmp_path, capsys):
     assert data["contact"] == [{"boundary": "Brick-2.BODY_TOP", "against": "Brick-1.BODY_TOP"}]
     assert data["displacement"] == [
         {"boundary": "BODY_FEET", "y": 0.0},
-        {"at": [0.0, 0.0], "x": 0.0},
-        {"at": [pytest.approx(0.0, abs=1e-12), pytest.approx(2.0)], "x": 0.0},
+        {"at": [0.0, 0.0], "region": "Brick-1.BODY", "x": 0.0},
+        {"at": [pytest.approx(0.0, abs=1e-12), pytest.approx(2.0)], "region": "Brick-2.BODY", "x": 0.0},
     ]
     mesh = read_file(tmp_path / "deck.inp")
     assert len(mesh.points) == 30
@@ -196,7 +196,7 @@ def test_included_files(tmp_path, capsys):
 
 
 def test_included_files_that_are_refused(tmp_path, capsys):
-    """Outside of the folder, by whatever way; no file at all; files that never end; too many."""
+    """Outside of the folder, by whatever way; no file at all; files that never end."""
     folder = tmp_path / "deck"
     folder.mkdir()
     (tmp_path / "secret.inp").write_text("\n".join(squares(2, 2)))
@@ -204,9 +204,6 @@ def test_included_files_that_are_refused(tmp_path, capsys):
     (folder / "outside").symlink_to(tmp_path)
     os.mkfifo(folder / "pipe")
     (folder / "self.inp").write_text("*INCLUDE, INPUT=self.inp\n")
-    for level in range(12):
-        (folder / f"twice{level}.inp").write_text(f"*INCLUDE, INPUT=twice{level + 1}.inp\n" * 2)
-    (folder / "twice12.inp").write_text("** nothing\n")
     outside = "is outside of the folder of the input file"
     for name, word in {
         **dict.fromkeys(
@@ -214,7 +211,6 @@ def test_included_files_that_are_refused(tmp_path, capsys):
         ),
         **dict.fromkeys(("pipe", "missing.inp", ".", "outside/.."), "the folder of the input file"),
         "self.inp": "more than 20 times deep",
-        "twice0.inp": "more than 1000 included files",
         "x" * 5000: "",
         "nul\0": "",
     }.items():

@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.decks.keywords import CONSTRAINT, LOST
 from signorini_fx.addons.decks.mesh import DeckModel
-from signorini_fx.addons.decks.text import DeckBlock, number_of
+from signorini_fx.addons.decks.text import DeckBlock, number_of, quoted
 from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, dimension
-from signorini_fx.mechanics.statement.point_values import same_places
 
 
 @dataclass
@@ -181,17 +179,6 @@ class Deck:
                 lines.append(f"{places[0]}, *{name}{repeats}: {why}")
         return lines
 
-    def outside(self, block: DeckBlock, what: str) -> None:
-        """Say that something is given at nodes that are no part of the body; it matters where a constraint or an
-        element ties them to it.
-        """
-        keywords = {keyword.keyword for keyword in self.model.blocks}
-        constraints = {"RIGIDBODY", *(key for key, effect in LOST.items() if effect == CONSTRAINT)}
-        if self.model.tied or keywords & constraints:
-            self.lose(block, f"{what}: no part of the body, which a constraint may tie to it")
-        else:
-            self.note(block, f"{what}: no part of the body")
-
     def course(self, load: DeckLoad, steps: int, *, releases: bool = False) -> list[float]:
         """The values of a load in the steps.
 
@@ -284,28 +271,15 @@ class Deck:
         return {name: of_body[of_body < len(self.numbers)] for name, of_body in nodes.items()}
 
     @cached_property
-    def _bodies_at_places(self) -> tuple[Ints, list[list[str]], list[str]]:
-        """The place of each node of the mesh, the bodies of the nodes at each place, and the body of each node."""
-        places, of_node = same_places(self.mesh.points), [""] * len(self.mesh.points)
-        for name in self.model.bodies:
-            for node in plain(np.unique(self.mesh.cells[self.mesh.regions[name]])):
-                of_node[node] = name
-        at: list[list[str]] = [[] for _ in range(int(places.max()) + 1)]
-        for node, place in enumerate(plain(places)):
-            at[place].append(of_node[node])
-        return places, at, of_node
+    def _body_of(self) -> dict[int, str]:
+        """The name of the body of each node of the mesh, if there are several."""
+        cells = {name: self.mesh.cells[self.mesh.regions[name]] for name in self.model.bodies}
+        return {node: name for name, nodes in cells.items() for node in plain(np.unique(nodes))}
 
-    def at_point(self, block: DeckBlock, row: int) -> tuple[str, ...]:
-        """A node as lines of a table, by its row in the file, with its body where another one has a node there;
-        nothing, if its body has several there: then it is lost.
-        """
+    def at_point(self, row: int) -> tuple[str, ...]:
+        """A node as lines of a table, by its row in the file: another body may have a node at the same place."""
         node = int(np.searchsorted(self.numbers, row))
-        places, at, of_node = self._bodies_at_places
-        bodies_there = at[places[node]]
-        if bodies_there.count(of_node[node]) > 1:
-            self.lose(block, f"node {self.names[node]}: its body has another node at the same place")
-            return ()
-        region = () if len(bodies_there) == 1 else (f'region = "{of_node[node]}"',)
+        region = (f"region = {quoted(self._body_of[node])}",) if self._body_of else ()
         return (f"at = {plain(self.mesh.points[node])}", *region)
 
     def rows(self, nodes: Iterable[int]) -> Ints:

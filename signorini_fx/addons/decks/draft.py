@@ -176,7 +176,6 @@ def read_deck(file: Path) -> Deck:
                 _DEFINITIONS[block.keyword](deck, block)
     for block in _used_keywords(file, deck):
         with placed(file, block):
-            _say_undefined(deck, block)
             _reader(block.keyword)(deck, block)
     return deck
 
@@ -187,16 +186,6 @@ def _reader(keyword: str) -> Reader:
     if keyword in keywords.NOTED:
         return lambda deck, block: deck.note(block, keywords.NOTED[keyword])
     return lambda deck, block: deck.lose(block, keywords.LOST.get(keyword, keywords.UNKNOWN))
-
-
-def _say_undefined(deck: Deck, block: DeckBlock) -> None:
-    """Name sets and surfaces with members that are no part of the body."""
-    for key in {"NSET", "ELSET", "NAME"} & block.parameters.keys() if block.keyword in _SETS else ():
-        name = block.parameters[key]
-        count = deck.model.undefined.pop(name, 0)
-        if count:
-            say = deck.lose if name in deck.model.surfaces else deck.note
-            say(block, f"members of the set {name!r} that are not defined, or no part of the body: {count}")
 
 
 def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
@@ -254,6 +243,13 @@ def _within_steps(read: Reader) -> Reader:
     return reader
 
 
+def _read_surface(deck: Deck, block: DeckBlock) -> None:
+    """Faces that are no part of the body; all else of a surface has been read."""
+    name = block.parameters["NAME"]
+    if missing := deck.model.undefined.pop(name, 0):
+        deck.lose(block, f"faces of {name!r} that are not defined, or no part of the body: {missing}")
+
+
 def _read_heading(deck: Deck, block: DeckBlock) -> None:
     deck.title = ", ".join(block.rows[0]) if block.rows else ""
 
@@ -295,17 +291,17 @@ def _read_amplitude(deck: Deck, block: DeckBlock) -> None:
     deck.amplitudes[block.parameters["NAME"].upper()] = block
 
 
-_SETS = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 # Keywords that may be anywhere in the file.
 _DEFINITIONS: dict[str, Reader] = {
     "AMPLITUDE": _read_amplitude,
     "PRE-TENSIONSECTION": read_bolt,
 }
 _READERS: dict[str, Reader] = {
-    **dict.fromkeys((*_SETS, *_DEFINITIONS, "ENDSTEP", "SYSTEM"), _read_nothing),
+    **dict.fromkeys(("NODE", "NSET", "ELSET", *_DEFINITIONS, "ENDSTEP", "SYSTEM"), _read_nothing),
     **dict.fromkeys(keywords.OUTPUT, _read_nothing),
     "HEADING": _read_heading,
     "ELEMENT": _read_element,
+    "SURFACE": _read_surface,
     **dict.fromkeys(("SOLIDSECTION", "SHELLSECTION", "MEMBRANESECTION"), material.read_section),
     "MATERIAL": material.read_material,
     "DENSITY": _within_steps(material.read_density),

@@ -9,7 +9,7 @@ import numpy as np
 
 from signorini_fx.addons.decks import bolts
 from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
-from signorini_fx.addons.decks.keywords import UNKNOWN, WITHOUT_EFFECT
+from signorini_fx.addons.decks.keywords import NO_BODY_PART, UNKNOWN, WITHOUT_EFFECT
 from signorini_fx.addons.decks.mesh import Group
 from signorini_fx.addons.decks.text import (
     ROTATIONS,
@@ -63,13 +63,13 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         held = deck.rows(nodes[name]) if name in nodes else deck.nodes(name)
         if along and not held.size:
             many = "single nodes" if len(nodes.get(name, ())) > 1 else f"node {nodes.get(name, ('',))[0]}"
-            deck.outside(block, f"support of {many if name in nodes else repr(name)}")
+            deck.note(block, f"support of {many if name in nodes else repr(name)}: {NO_BODY_PART}")
         where = deck.boundary(name)
         if where is not None and np.setdiff1d(deck.held(where), held).size:
             where = None  # facets have nodes in the middle of their sides that stay free
         places: list[tuple[str, tuple[str, ...]]] = [] if where is None else [(where, ())]
         alone = held if where is None else np.setdiff1d(held, deck.held(where))
-        places += [("", lines) for row in plain(alone) if along and (lines := deck.at_point(block, row))]
+        places += [("", deck.at_point(row)) for row in plain(alone)]
         for axis, value in along.items():
             for target, lines in places:
                 _set_load(deck, DeckLoad("displacement", target, (axis,), block, lines=lines), value)
@@ -174,7 +174,8 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         rows = deck.rows(nodes)
         if len(rows) < len(nodes):
             missing = [node for node in nodes if not deck.rows([node]).size]
-            deck.outside(block, f"force at {f'node {missing[0]}' if len(missing) == 1 else f'{len(missing)} nodes'}")
+            many = f"node {missing[0]}" if len(missing) == 1 else f"{len(missing)} nodes"
+            deck.note(block, f"force at {many}: {NO_BODY_PART}")
         if not rows.size or axis not in deck.axes:
             continue
         where = deck.boundary(group.name) if len(rows) == len(group.nodes) else None
@@ -193,8 +194,8 @@ def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: 
     share = deck.thickness if deck.mesh.dim == 2 and deck.kinematics.uniform else 1.0
     for node, value in zip(group.nodes, group.values, strict=True):
         for row in plain(deck.rows([node])) if node not in deck.bolts else []:
-            if lines := deck.at_point(block, row):
-                _set_load(deck, DeckLoad("point_force", "", (axis,), block, lines=lines), factor * value / share)
+            load = DeckLoad("point_force", "", (axis,), block, lines=deck.at_point(row))
+            _set_load(deck, load, factor * value / share)
 
 
 def _uniform(deck: Deck, where: str, rows: Ints, values: Floats) -> float | None:
@@ -317,7 +318,7 @@ def read_temperatures(deck: Deck, block: DeckBlock) -> None:
         deck.check_nodes(name)
         rows = deck.rows([int(name)]) if number_of(name) is not None else deck.nodes(name)
         if not rows.size:
-            deck.note(block, f"temperature of {name!r}: no part of the body")
+            deck.note(block, f"temperature of {name!r}: {NO_BODY_PART}")
         temperatures[np.searchsorted(deck.numbers, rows)] = share * real(value)
     deck.temperatures[deck.step] = temperatures
     deck.heating.append(block)

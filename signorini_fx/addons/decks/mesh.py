@@ -117,11 +117,10 @@ class DeckModel:
         raw: its mesh.
         blocks: its keywords.
         groups: number of a keyword -> the sets of single nodes and faces to which it gives something.
-        undefined: name of a set -> how many of its members the file does not define.
+        undefined: name of a surface -> how many of its faces are those of no element of the body.
         places: number of a node -> its row in the mesh.
         surfaces: name of a surface -> its elements, each with a face from 1 on.
         bodies: names of the parts that share no node, if there are several and the file gives nodes values.
-        tied: whether there are elements with stiffness that are no part of the body, such as springs.
     """
 
     raw: RawMesh
@@ -131,7 +130,6 @@ class DeckModel:
     places: Numbering
     surfaces: dict[str, list[tuple[int, int]]]
     bodies: tuple[str, ...]
-    tied: bool
 
 
 @dataclass
@@ -144,9 +142,8 @@ class _Reader:
     element_sets: dict[str, Ints] = field(default_factory=dict)
     surfaces: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
     nodal_values: list[tuple[DeckBlock, tuple[str, ...], dict[Any, float]]] = field(default_factory=list)
-    passed_over: set[int] = field(default_factory=set)  # elements that are no part of the body
+    passed_over: bool = False  # whether there are elements that are no part of the body
     undefined: dict[str, int] = field(default_factory=dict)
-    tied: bool = False
     spelt: dict[str, str] = field(default_factory=dict)  # names in capitals -> as they are written first
 
     def read(self, block: DeckBlock) -> None:
@@ -196,8 +193,7 @@ class _Reader:
     def _read_elements(self, block: DeckBlock) -> None:
         kind_name = block.parameters["TYPE"].upper()
         if NO_BODY.match(kind_name):
-            self.tied |= not POINTS.match(kind_name)
-            self.passed_over.update(int(row[0]) for row in block.rows)
+            self.passed_over |= bool(block.rows)
             if "ELSET" in block.parameters:
                 self._extend(self.element_sets, block.parameters["ELSET"], _NO_NUMBERS)
             return
@@ -290,7 +286,7 @@ class _Reader:
         elements, (node_rows, points) = self.elements, self.nodes
         groups = self._named_groups()
         tables = [(kind, self._table(number)) for number, (kind, _) in enumerate(elements.parts)]
-        sets = {name: self._rows(name, members) for name, members in self.element_sets.items()}
+        sets = {name: elements.by_part(elements.rows.rows(listed)) for name, listed in self.element_sets.items()}
         facets: dict[int, list[Ints]] = {corners: [] for corners in _FACET_KINDS}
         ranges: dict[str, dict[int, Ints]] = {}
         for name, faces in self.surfaces.items():
@@ -313,13 +309,8 @@ class _Reader:
         for name, nodes in self.node_sets.items():
             members = node_rows.rows(nodes)
             node_sets[name] = members[members >= 0]
-            self._count_undefined(name, len(nodes) - len(node_sets[name]))
         raw = RawMesh(points, all_blocks, sets | named, node_sets)
-        return DeckModel(raw, blocks, groups, self.undefined, node_rows, self.surfaces, tuple(named), self.tied)
-
-    def _count_undefined(self, name: str, count: int) -> None:
-        if count:
-            self.undefined[name] = count
+        return DeckModel(raw, blocks, groups, self.undefined, node_rows, self.surfaces, tuple(named))
 
     def _named_groups(self) -> dict[int, list[Group]]:
         """The groups by the numbers of their keywords; each is a set that the file names, or one that is added."""
@@ -353,21 +344,12 @@ class _Reader:
             raise DeckError(elements.blocks[number], why)
         return table
 
-    def _rows(self, name: str, members: Ints) -> list[Ints]:
-        """The rows of the elements of a set among those of each kind."""
-        rows = self.elements.rows.rows(members)
-        unknown = rows < 0
-        if self.passed_over:
-            unknown &= ~np.isin(members, list(self.passed_over))
-        self._count_undefined(name, int(np.count_nonzero(unknown)))
-        return self.elements.by_part(rows[rows >= 0])
-
     def _sides(self, tables: list[tuple[str, Ints]], name: str, faces: Sequence[tuple[int, int]]) -> Iterator[Ints]:
         """The corners of the faces of a surface that are sides of the body, by their number, shape (n, corners)."""
         elements, listed = self.elements, np.array(faces, dtype=np.int64).reshape(-1, 2)
         rows = elements.rows.rows(listed[:, 0])
         on_body = (rows >= 0) & elements.solid[rows]
-        self._count_undefined(name, int(np.count_nonzero(~on_body)))
+        self.undefined[name] = int(np.count_nonzero(~on_body))
         rows, listed = rows[on_body], listed[on_body]
         corners: Ints = np.full((len(rows), 4), -1)
         for k, face in plain(np.unique(np.column_stack((elements.part[rows], listed[:, 1])), axis=0)):
@@ -408,7 +390,8 @@ class _Elements:
         self.solid = np.array([not kind.startswith("line") for kind, _ in self.parts], dtype=bool)[self.part]
 
     def by_part(self, rows: Ints) -> list[Ints]:
-        """Rows of all elements as rows of those of each keyword."""
+        """Rows of all elements as rows of those of each keyword; those below 0 are none."""
+        rows = rows[rows >= 0]
         return [rows[self.part[rows] == k] - self.first[k] for k in range(len(self.parts))]
 
 

@@ -28,7 +28,7 @@ _LEAST_WORDS = {
     **dict.fromkeys(("BOUNDARY", "CLOAD", "DSLOAD", "TEMPERATURE", "INITIALCONDITIONS"), 2),
 }
 _MOST_ROWS = {"STATIC": 1, "SURFACEINTERACTION": 1, "ENDSTEP": 0, "MATERIAL": 0}
-_DEEPEST, _MOST_FILES = 20, 1000  # files that include each other, and all of them
+_DEEPEST = 20  # files that include each other
 _LARGEST = 2.0**53  # whole numbers from there on are not exact as floating point numbers
 _STAR = re.compile(r"^[ \t]*\*", re.MULTILINE)
 # A line that continues its keyword: it begins with a parameter that has a value, or with one that is no set.
@@ -190,8 +190,6 @@ def _read(deck: Path, file: Path, label: str, blocks: list[DeckBlock], files: li
                 blocks.append(block)
             if included or "INPUT" in parameters:
                 with placed(deck, block):
-                    if len(files) > _MOST_FILES:
-                        raise ValueError(f"there are more than {_MOST_FILES} included files")
                     inner = _beside(deck, parameters["INPUT"], depth)
                 _read(deck, inner, parameters["INPUT"], blocks, files, depth + 1)
         if blocks and data.strip():
