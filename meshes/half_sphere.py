@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.mechanics.mesh.drawing import Drawing, Part, Sizes, cut_to_part, mesh_solid, plane
+from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, mesh_solid, plane
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator
 
@@ -37,7 +37,7 @@ def generate(
     size: Length = 2.0,
     contact_size: Length = 0.2,
     contact_zone: Length = 1.0,
-    part: Part = "whole",
+    part: Literal["whole", "half", "quarter"] = "whole",
     cell: Literal["tetrahedron", "hexahedron"] = "tetrahedron",
     order: Literal[1, 2] = 1,
 ) -> Any:
@@ -64,7 +64,14 @@ def generate(
         body = occ.addSphere(0.0, 0.0, _R, _R)
         occ.rotate([(3, body)], 0.0, 0.0, _R, 1.0, 0.0, 0.0, math.pi / 2)
         occ.intersect([(3, body)], [(3, occ.addBox(-2 * _R, -2 * _R, -_R, 4 * _R, 4 * _R, 2 * _R))])
-        names = {"top": plane(2, _R)} | cut_to_part(drawing, body, part, 2 * _R)
+        names = {"top": plane(2, _R)}
+        if part != "whole":
+            low = 0.0 if part == "quarter" else -4 * _R
+            box = occ.addBox(low, 0.0, -4 * _R, 4 * _R - low, 4 * _R, 8 * _R)
+            occ.intersect([(3, body)], [(3, box)])
+            names["symmetry_y"] = plane(1, 0.0)
+        if part == "quarter":
+            names["symmetry_x"] = plane(0, 0.0)
         names["sphere"] = lambda x: np.abs(x[0] ** 2 + x[1] ** 2 + (x[2] - _R) ** 2 - _R**2) < 1e-5
         if part == "whole":
             lowest = occ.addPoint(0.0, 0.0, 0.0)

@@ -19,11 +19,12 @@ The boundary foot is the flat part and both roundings.
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 from mpi4py import MPI
 
-from signorini_fx.mechanics.mesh.drawing import Corner, Drawing, Sizes, draw_outline, mesh_surface
+from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, mesh_surface
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse
 
@@ -66,17 +67,31 @@ def generate(
     unit = width / 4.0  # the gmsh model has the size of the default body
 
     def draw(gmsh: Any) -> None:
-        drawing = Drawing(gmsh, unit)
-        low = Corner(0.0, 0.0, "foot") if symmetric else Corner(-width / 2, 0.0, "foot", rounding, "foot")
-        outline = [
-            low,
-            Corner(width / 2, 0.0, "right", rounding, "foot"),
-            Corner(width / 2, height, "top"),
-            Corner(low.x, height, "symmetry" if symmetric else "left"),
-        ]
-        body, names = draw_outline(drawing, outline)
-        ends = [sign * (width / 2 - rounding) for sign in ((1,) if symmetric else (-1, 1))]
-        edges = [drawing.point(x, 0.0) for x in ends]
+        drawing, geo = Drawing(gmsh, unit), gmsh.model.geo
+        end = width / 2 - rounding  # of the flat part of the foot
+        # A tangent of the rounding is so long; a mesh depends on every last bit.
+        up = rounding / math.tan(math.pi / 4)
+
+        def edge(*places: tuple[float, float]) -> tuple[int, int, int]:
+            """The arc around the first place, from the second to the third, and before and after it its ends."""
+            centre, first, last = (drawing.point(x, y) for x, y in places)
+            return first, geo.addCircleArc(first, centre, last), last
+
+        arcs = []
+        if symmetric:
+            start = low = drawing.point(0.0, 0.0)
+        else:
+            start, arc, low = edge((-end, rounding), (-width / 2, up), (-end, 0.0))
+            arcs.append(arc)
+        right, arc, side = edge((end, rounding), (end, 0.0), (width / 2, up))
+        high, last = (drawing.point(x, height) for x in (width / 2, 0.0 if symmetric else -width / 2))
+        ends = ((low, right), (side, high), (high, last), (last, start))
+        flat, *others = (geo.addLine(*points) for points in ends)
+        foot = [*arcs, flat, arc]
+        body = geo.addPlaneSurface([geo.addCurveLoop([*foot, *others])])
+        sides = ("right", "top", "symmetry" if symmetric else "left")
+        names = {"foot": foot} | {name: [line] for name, line in zip(sides, others, strict=True)}
+        edges = [drawing.point(x, 0.0) for x in ((end,) if symmetric else (-end, end))]
         sizes = Sizes(contact_size, size, zone=contact_zone, reach=max(width, height) / 2)
         mesh_surface(drawing, [body], names, sizes, points=edges, cell=cell, order=order)
 

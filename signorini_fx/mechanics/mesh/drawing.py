@@ -1,12 +1,11 @@
-"""Outlines and solids that several generators draw and mesh; they get the initialised module gmsh."""
+"""How generators mesh what they draw, surfaces and solids; they get the initialised module gmsh."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,31 +14,10 @@ from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.statement.generators import refuse
 from signorini_fx.tuned import DIGITS_OF_FILES
 
-# Of a body around the axis x[2]: all of it, x[1] >= 0, or x[0] >= 0 as well.
-Part = Literal["whole", "half", "quarter"]
 # A function of points of shape (3, n) that says which of them are on a surface.
 Surface = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
 # More facets than this along the zone of small cells, or along the body, are a mistake in the input.
 _MOST_FACETS = 5000
-
-
-@dataclass(frozen=True)
-class Corner:
-    """A corner of an outline.
-
-    Attributes:
-        x: position along x[0].
-        y: position along x[1].
-        side: name of the straight side from here to the next corner; "" leaves it without a name.
-        radius: of the arc that rounds the corner, 0: sharp.
-        arc: name of that arc.
-    """
-
-    x: float
-    y: float
-    side: str = ""
-    radius: float = 0.0
-    arc: str = ""
 
 
 @dataclass(frozen=True)
@@ -62,54 +40,6 @@ class Drawing:
         """A point at a position in units of the scene."""
         tag: int = self.gmsh.model.geo.addPoint(x / self.unit, y / self.unit, 0.0)
         return tag
-
-
-def draw_outline(drawing: Drawing, corners: list[Corner]) -> tuple[int, dict[str, list[int]]]:
-    """A surface with straight sides and rounded corners, anticlockwise; no side may be shorter than its arcs need.
-
-    Returns:
-        The surface, and name -> its curves.
-    """
-    geo = drawing.gmsh.model.geo
-    named: dict[str, list[int]] = {}
-    loop: list[int] = []
-    ends: list[tuple[int, int]] = []  # for each corner: the end of the side before it, the start of the next
-    arcs: list[int | None] = []
-    for previous, corner, following in zip(
-        corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True
-    ):
-        if corner.radius == 0.0:
-            point = drawing.point(corner.x, corner.y)
-            ends.append((point, point))
-            arcs.append(None)
-            continue
-        first, last = (_direction(corner, neighbour) for neighbour in (previous, following))
-        half = math.acos(max(-1.0, min(1.0, first[0] * last[0] + first[1] * last[1]))) / 2
-        along, away = corner.radius / math.tan(half), corner.radius / math.sin(half)
-        bisector = _unit(first[0] + last[0], first[1] + last[1])
-        centre = drawing.point(corner.x + away * bisector[0], corner.y + away * bisector[1])
-        begin, end = (drawing.point(corner.x + along * d[0], corner.y + along * d[1]) for d in (first, last))
-        ends.append((begin, end))
-        arcs.append(geo.addCircleArc(begin, centre, end))
-    for index, corner in enumerate(corners):
-        arc = arcs[index]
-        if arc is not None:
-            loop.append(arc)
-            named.setdefault(corner.arc, []).append(arc)
-        line = geo.addLine(ends[index][1], ends[(index + 1) % len(corners)][0])
-        loop.append(line)
-        named.setdefault(corner.side, []).append(line)
-    named.pop("", None)
-    return geo.addPlaneSurface([geo.addCurveLoop(loop)]), named
-
-
-def _unit(x: float, y: float) -> tuple[float, float]:
-    length = math.hypot(x, y)
-    return x / length, y / length
-
-
-def _direction(corner: Corner, neighbour: Corner) -> tuple[float, float]:
-    return _unit(neighbour.x - corner.x, neighbour.y - corner.y)
 
 
 @dataclass(frozen=True)
@@ -201,27 +131,6 @@ def mesh_surface(
 
 
 # --- bodies in 3D -------------------------------------------------------------------------------------------------
-
-
-def cut_to_part(drawing: Drawing, body: int, part: Part, extent: float) -> dict[str, Surface]:
-    """Cut a solid of OpenCASCADE around the axis x[2] down to the given part.
-
-    Args:
-        drawing: the model, in its own units.
-        body: the solid.
-        part: the part that is kept.
-        extent: no point of the solid is farther from the origin.
-
-    Returns:
-        The names of the planes of symmetry, ``symmetry_y`` at x[1] = 0 and ``symmetry_x`` at x[0] = 0.
-    """
-    if part == "whole":
-        return {}
-    low = 0.0 if part == "quarter" else -2 * extent
-    box = drawing.gmsh.model.occ.addBox(low, 0.0, -2 * extent, 2 * extent - low, 2 * extent, 4 * extent)
-    drawing.gmsh.model.occ.intersect([(3, body)], [(3, box)])
-    planes: dict[str, Surface] = {"symmetry_y": plane(1, 0.0)}
-    return planes | ({"symmetry_x": plane(0, 0.0)} if part == "quarter" else {})
 
 
 def plane(axis: int, at: float) -> Surface:
