@@ -187,7 +187,7 @@ def test_included_files(tmp_path, capsys):
     deck = ["** a comment", "*Include, Input=all.inc", *whole[rows:]]
     _, data, _ = drafted(tmp_path, deck, capsys)
     assert data == wanted
-    assert [one.name for one in text.files_of(tmp_path / "deck.inp")] == [
+    assert [one.name for one in text.read_keywords(tmp_path / "deck.inp")[1]] == [
         *("deck.inp", "all.inc", "low.inp", "nodes.txt"),
     ]
     (tmp_path / "nodes.txt").write_text("101, 0., zero\n")

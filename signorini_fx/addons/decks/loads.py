@@ -213,7 +213,8 @@ def _areas(deck: Deck, where: str) -> Floats:
     """The share of each node of the mesh in the area (in 2D: length) of a boundary."""
     facets = deck.mesh.facets[deck.mesh.boundaries[where]]
     shares = nodal_measures(deck.mesh.points, facets, deck.mesh.facet)
-    if deck.mesh.completed and deck.mesh.dim == 3 and (full_cell := completed("quad8")) is not None:
+    kinds = {kind for kind, _ in deck.model.raw.blocks}
+    if "hexahedron20" in kinds and (full_cell := completed("quad8")) is not None:
         facets, shares = facets[:, :-1], shares @ full_cell[1]
     return np.bincount(facets.ravel(), shares.ravel(), minlength=len(deck.mesh.points)).astype(np.float64)
 

@@ -24,7 +24,6 @@ from signorini_fx.addons.decks.text import (
     check_rows,
     components,
     coordinates,
-    files_of,
     number_of,
     placed,
     read_keywords,
@@ -32,8 +31,6 @@ from signorini_fx.addons.decks.text import (
 )
 from signorini_fx.mechanics.mesh.files.arrays import Numbering, RawMesh, plain
 from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, dimension
-
-__all__ = ["files_of", "read_mesh"]  # what readers of meshes need
 
 _SOLID = re.compile(r"(?:C3D|DC3D|AC3D)(\d+)")
 _PLANE = re.compile(r"(?:CPEG|CPE|CPS|CAX|DC2D|STRI|M3D|SFM3D|R3D|DS|S)([34689])")
@@ -404,6 +401,9 @@ def _distinct(parts: Sequence[Ints]) -> Ints:
 def read_model(file: Path) -> DeckModel:
     """The mesh of an Abaqus input file, and all of its keywords.
 
+    Element sets name regions (and boundaries, if they hold lines, or in 3D shells and membranes), node sets and
+    surfaces name boundaries.
+
     Raises:
         MeshError: it is not such a file, or one that it includes cannot be read; elements that are neither plane nor
             solid.
@@ -423,18 +423,6 @@ def read_model(file: Path) -> DeckModel:
             last = blocks[-1] if blocks else DeckBlock("", {}, 1, name="NODE")
             raise DeckError(last, "up to here, the last keyword, there is no element")
     return model
-
-
-def read_mesh(file: Path) -> RawMesh:
-    """The mesh of an Abaqus input file.
-
-    Element sets name regions (and boundaries, if they hold lines, or in 3D shells and membranes), node sets and
-    surfaces name boundaries.
-
-    Raises:
-        MeshError: see ``read_model``.
-    """
-    return read_model(file).raw
 
 
 # --- nodes and faces that are given the same, and bodies --------------------------------------------------------------

@@ -152,15 +152,6 @@ def read_keywords(file: Path) -> tuple[list[DeckBlock], list[Path]]:
     return blocks, files
 
 
-def files_of(file: Path) -> list[Path]:
-    """An input file and all files that it includes.
-
-    Raises:
-        MeshError: one of them cannot be read.
-    """
-    return read_keywords(file)[1]
-
-
 def _read(deck: Path, file: Path, label: str, blocks: list[DeckBlock], files: list[Path], depth: int) -> None:
     """Add the keywords of a file; data lines at its beginning are those of the last keyword."""
     try:

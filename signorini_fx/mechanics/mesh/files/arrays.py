@@ -101,7 +101,6 @@ class MeshArrays:
             kind, shape (f, l).
         boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
         regions: name -> rows of ``cells``, sorted; regions may overlap.
-        completed: whether cells of the file have got nodes in the middle of their faces.
         astray: name of a boundary -> how many of the elements that it has in the file are no sides of cells.
     """
 
@@ -111,7 +110,6 @@ class MeshArrays:
     facets: Ints
     boundaries: Mapping[str, Ints]
     regions: Mapping[str, Ints]
-    completed: bool = False
     astray: Mapping[str, int] = field(default_factory=dict)
 
     @property
@@ -232,9 +230,7 @@ def from_raw(
                 problems.append((f"mesh.{entities.key}.{label}", message))
     if problems:
         raise SceneError(problems)
-    return MeshArrays(
-        points, kind, cells, facets, names, names_of_parts, completed=full_cell is not None, astray=astray
-    )
+    return MeshArrays(points, kind, cells, facets, names, names_of_parts, astray)
 
 
 def _corners_of(kind: str) -> int:

@@ -1,4 +1,4 @@
-"""Mesh files, read into arrays by gmsh, by meshio (.med, .vtu, .xdmf) and by the add-on for decks.  No dolfinx here."""
+"""Mesh files, read into arrays by gmsh, meshio (.med, .vtu, .xdmf), dolfinx (its .xdmf) and the add-on for decks."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.extensions import add_on
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, RawMesh, Selection, from_raw, rows_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Ints, is_straight
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, RawMesh, Selection, from_raw
+from signorini_fx.mechanics.mesh.files.cells import is_straight, order_of_nodes
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, read_gmsh
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes
 from signorini_fx.mechanics.mesh.halving import halved, straightened
@@ -79,7 +79,7 @@ def read_file(
     if suffix == ".msh":
         mesh = read_gmsh(file, named)
     else:
-        mesh = named(add_on("deck_files").read_mesh(file) if suffix == ".inp" else read_meshio(file, suffix[1:]))
+        mesh = named(add_on("deck_files").read_model(file).raw if suffix == ".inp" else read_meshio(file, suffix[1:]))
     if degree == 1:
         mesh = straightened(mesh)
     for _ in range(halvings):
@@ -93,7 +93,7 @@ def files_of(file: Path) -> list[Path]:
     Raises:
         MeshError: what it includes cannot be read.
     """
-    return list(add_on("deck_files").files_of(file)) if file.suffix.lower() == ".inp" else [file]
+    return list(add_on("deck_files").read_keywords(file)[1]) if file.suffix.lower() == ".inp" else [file]
 
 
 # --- meshio -----------------------------------------------------------------------------------------------------------
@@ -111,8 +111,10 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
     try:
         silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
         with silent[0], silent[1], np.errstate(over="ignore"):
-            grids = _grids(file) if kind == "xdmf" else []
-            return _of_grids(file, grids) if len(grids) > 1 else _of_meshio(form.read(str(file)))
+            grids = ElementTree.parse(file).getroot().findall("./Domain/Grid") if kind == "xdmf" else []
+            if len(grids) > 1:
+                return _of_dolfinx(file, [grid.get("Name", "") for grid in grids])
+            return _of_meshio(form.read(str(file)))
     except (Exception, SystemExit) as error:  # meshio passes on whatever its parsers raise
         reason = str(error) or type(error).__name__
         raise MeshError(f"{file}: meshio cannot read it as {kind}: {reason}") from None
@@ -146,59 +148,29 @@ def _of_meshio(mesh: Any) -> RawMesh:
     return raw
 
 
-def _grids(file: Path) -> list[ElementTree.Element]:
-    """The grids of an XDMF file."""
-    root = ElementTree.parse(file).getroot()
-    for item in root.iter("DataItem"):
-        name = (item.text or "").strip().partition(":")[0]
-        if item.get("Format") == "HDF" and not (file.parent / name).is_file():
-            raise ValueError(f"there is no regular file {name!r}")
-    return root.findall("./Domain/Grid")
+def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
+    """A mesh and tags that dolfinx has written into one XDMF file, of which meshio would read the mesh alone."""
+    import mpi4py.MPI  # first, see signorini_fx.mechanics.body
+    from dolfinx import mesh as dmesh
+    from dolfinx.io import XDMFFile
 
+    from signorini_fx.machine import compat
+    from signorini_fx.mechanics.mesh.distribution import kind_of_mesh
 
-def _of_grids(file: Path, grids: list[ElementTree.Element]) -> RawMesh:
-    """An XDMF file of dolfinx, of whose grids meshio reads the first alone: this is the mesh; the others have elements
-    of it or of its boundary, each with a number.
-    """
-    import h5py
-
-    def values(item: ElementTree.Element | None) -> Any:
-        if item is None or not item.text or item.get("Format") != "HDF":
-            raise ValueError("a grid has no topology, geometry or numbers in HDF5")
-        name, _, path = item.text.strip().partition(":")
-        with h5py.File(file.parent / name) as data:
-            return data[path][()]
-
-    def topology(grid: ElementTree.Element) -> Ints:
-        return np.asarray(values(grid.find("./Topology/DataItem")), dtype=np.int64)
-
-    mesh, *tag_grids = grids
-    cells, cell = topology(mesh), _xdmf_cell(mesh)
-    if cell is None or cells.shape[1] != len(cell.nodes):
-        raise ValueError(f"cells of {cells.shape[1]} nodes")
-    raw = RawMesh(np.asarray(values(mesh.find("./Geometry/DataItem"))), [(cell.kind, cells)])
-    for grid in tag_grids:
-        elements = topology(grid)
-        numbers: Ints = np.asarray(values(grid.find("./Attribute/DataItem")), dtype=np.int64).ravel()
-        name = grid.get("Name", "tags")
-        absent: list[Ints] = [np.full(len(nodes), -1) for _, nodes in raw.blocks]
-        if _xdmf_cell(grid) == cell:
-            rows = rows_of(elements, cells)
-            if (rows < 0).any():
-                raise ValueError(f"{name!r} has cells that the mesh does not have")
-            absent[0][rows] = numbers
-            raw.data[name] = absent
-        else:
-            raw.blocks.append((cell.facet, elements))
-            raw.data[name] = [*absent, numbers]
-    for arrays in raw.data.values():
-        arrays += [np.full(len(nodes), -1) for _, nodes in raw.blocks[len(arrays) :]]
+    with XDMFFile(mpi4py.MPI.COMM_SELF, file, "r") as xdmf:
+        mesh = xdmf.read_mesh(name=names[0])
+        dim, kind = mesh.topology.dim, kind_of_mesh(mesh)
+        mesh.topology.create_connectivity(dim - 1, dim)
+        all_tags = {name: xdmf.read_meshtags(mesh, name=name) for name in names[1:]}
+    if kind is None:
+        raise ValueError("its cells have a degree above 2")
+    raw = RawMesh(mesh.geometry.x, [(kind.kind, compat.geometry_cells(mesh)[:, np.argsort(order_of_nodes(kind))])])
+    of_facets = {name: tags for name, tags in all_tags.items() if tags.dim == dim - 1}
+    raw.blocks += [(kind.facet, dmesh.entities_to_geometry(mesh, dim - 1, tags.indices)) for tags in of_facets.values()]
+    for name, tags in all_tags.items():
+        raw.data[name] = [np.full(len(nodes), -1) for _, nodes in raw.blocks]
+        if tags.dim == dim:
+            raw.data[name][0][tags.indices] = tags.values
+        elif name in of_facets:
+            raw.data[name][1 + list(of_facets).index(name)][:] = tags.values
     return raw
-
-
-def _xdmf_cell(grid: ElementTree.Element) -> Cell | None:
-    """The kind of cell of a grid, which XDMF calls Triangle, Quadrilateral, Tetrahedron_10 ...; None: another one."""
-    topology = grid.find("./Topology")
-    word, _, count = (topology.get("TopologyType", "") if topology is not None else "").lower().partition("_")
-    kind = {"quadrilateral": "quad", "tetrahedron": "tetra"}.get(word, word)
-    return CELLS.get(f"{kind}{count}")
