@@ -13,15 +13,15 @@ from petsc4py import PETSc
 from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
-from signorini_fx.forms.arguments import conditions_of, settings_of
-from signorini_fx.forms.given_forms import given_forms
+from signorini_fx.forms.given_forms import conditions_of, given_forms, settings_of
 from signorini_fx.forms.mechanics_of_forms import NO_STRESS
-from signorini_fx.forms.problem_of_forms import ProblemOfForms
 from signorini_fx.forms.solver import FormSolver, options_applied
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath
-from signorini_fx.records import Status
+from signorini_fx.records import History, Status
 from signorini_fx.results.certificate.certificate import Certificate
 
 if TYPE_CHECKING:
@@ -31,6 +31,92 @@ if TYPE_CHECKING:
     from signorini_fx.results.solution import Solution
     from signorini_fx.results.stresses import RawStresses
     from signorini_fx.solving.load_steps import StepProgress
+
+
+class ProblemOfForms:
+    """A problem with the results of a ``Solution``."""
+
+    assembled: FormSolver
+
+    def __repr__(self) -> str:
+        dofmap = self.assembled.space.dofmap
+        unknowns = dofmap.index_map.size_global * dofmap.index_map_bs
+        status = self.assembled.status
+        return (
+            f"<{type(self).__name__}: {unknowns} unknowns, {'not solved so far' if status is None else status.value}>"
+        )
+
+    @property
+    def bcs(self) -> Any:
+        """The Dirichlet conditions; the list may change between two solves."""
+        return self.assembled.bcs
+
+    @bcs.setter
+    def bcs(self, bcs: Any) -> None:
+        self.assembled.bcs = bcs
+
+    @property
+    def history(self) -> History:
+        """Every linear solve of all solves so far."""
+        return self.assembled.history
+
+    @property
+    def state(self) -> ContactState:
+        """The contact points of this rank after the last solve, with forces and areas of the undeformed boundary."""
+        return self.assembled.state
+
+    def titled(self, title: str) -> Solution:
+        """``solution`` with a title; collective.
+
+        Raises:
+            RuntimeError: there is none so far.
+        """
+        raise NotImplementedError
+
+    @property
+    def solution(self) -> Solution:
+        """The last solution, or of a ``ContactProblem`` the last iterate, with the values that the forms have now;
+        after ``run`` with all load steps; collective.
+
+        Raises:
+            RuntimeError: there is none so far.
+        """
+        return self.titled("")
+
+    def write(
+        self,
+        folder: str | Path,
+        *,
+        title: str = "",
+        fields: bool = True,
+        pictures: bool | Sequence[str] = True,
+        pdf: bool = False,
+        report: bool = False,
+    ) -> dict[str, Any]:
+        """Write the result folder of the last solution, as that of a scene; collective.
+
+        Args:
+            folder: made if it does not exist.
+            title: any text.
+            fields: see ``write_results``.
+            pictures: see ``write_results``.
+            pdf: see ``write_results``.
+            report: whether to write ``report.html``, too.
+
+        Returns:
+            The summary.
+
+        Raises:
+            OutputError: see ``write_results``.
+            RuntimeError: there is no solution so far.
+        """
+        from signorini_fx.results.files import write_results
+
+        solution = self.titled(title)
+        summary = write_results(solution, folder, fields=fields, pictures=pictures, pdf=pdf)
+        if report:
+            parallel.on_root(solution.comm, lambda: add_on("report")(folder))
+        return summary
 
 
 class ContactProblem(ProblemOfForms):

@@ -9,26 +9,30 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import basix
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
+import ufl
+from dolfinx import default_scalar_type, fem, la
 from dolfinx import mesh as dmesh
 from pydantic import BaseModel
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.forms.arguments import boundaries_of, facets_of, foundations_of, parts_of, space_of
+from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.stress import Law, law_of
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.coulomb import NoFriction
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.laws.protocol import FrictionLaw
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps
 from signorini_fx.mechanics.statement.settings import Discretised, SolverSettings
+from signorini_fx.mechanics.statement.values import kind_of
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.effects.contact import Contact
@@ -222,3 +226,223 @@ def named_parts(forms: GivenForms, settings: SolverSettings, arguments: Sequence
         origin={"forms": tuple(arguments or listed), "mesh": tagged},
     )
     return NamedParts(statement, tagged)
+
+
+Facets = npt.NDArray[np.int32]
+_NOT_A_SETTING = "is no setting of a contact problem"
+# Settings of a scene that concern its meshes, or its first load step, and arguments of dolfinx's problems.
+_NOT_HERE = {
+    "levels": _NOT_A_SETTING,
+    "initial_contact": _NOT_A_SETTING,
+    "P": "is not used: the linear solvers choose what preconditions them, see linear_algebra",
+    "kind": "is not used: the kind of the matrix is chosen, see linear_algebra",
+    "entity_maps": "is not possible yet: all arguments are on one mesh",
+}
+
+
+def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
+    """The space of the displacements."""
+    if np.issubdtype(default_scalar_type, np.complexfloating):
+        raise FormError([("a", "PETSc is built for complex numbers; contact needs a real build")])
+    if not isinstance(u, fem.Function | None):
+        raise FormError([("u", f"must be a Function, not {kind_of(u)}")])
+    spaces: list[Any] = []
+    for name, form, rank in (("a", a, 2), ("L", L, 1)):
+        if not isinstance(form, ufl.Form | fem.Form):
+            raise FormError([(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")])
+        if isinstance(form, ufl.Form) and not form.arguments():
+            raise FormError([(name, "is zero: nothing is left of it to integrate")])
+        form_rank = form.rank if isinstance(form, fem.Form) else len(form.arguments())
+        if form_rank != rank:
+            raise FormError([(name, f"must have {rank} argument{'s' * (rank > 1)}, not {form_rank}")])
+        if isinstance(form, fem.Form):
+            spaces += [(name, space, space) for space in form.function_spaces]
+        else:
+            argument_spaces = (argument.ufl_function_space() for argument in form.arguments())
+            spaces += [(name, compat.wrapped(space), space) for space in argument_spaces]
+    python_spaces = [space for *_, space in spaces if isinstance(space, fem.FunctionSpace)]
+    if u is not None:
+        python_spaces.insert(0, u.function_space)
+    elif not python_spaces:
+        raise FormError([("u", "must be given where both forms are compiled: their space is that of this Function")])
+    space = _supported(python_spaces[0])
+    for name, candidate, _ in spaces:
+        if candidate != compat.wrapped(space):
+            raise FormError([(name, "its arguments are on another space than those of a" + " or u" * (u is not None))])
+    return space
+
+
+def _supported(space: fem.FunctionSpace) -> fem.FunctionSpace:
+    mesh, wanted = space.mesh, "a vector Lagrange space of degree 1 or 2 is needed, with one component per coordinate"
+    dim = mesh.topology.dim
+    try:
+        element = space.element.basix_element
+        fits = element.family == basix.ElementFamily.P and not element.discontinuous and element.degree in (1, 2)
+    except RuntimeError:  # one made of several
+        fits = False
+    if not fits or dim not in (2, 3) or space.dofmap.index_map_bs != mesh.geometry.dim:
+        raise FormError([("a", f"its space is {space.ufl_element()}: {wanted}")])
+    if mesh.topology.cell_name() not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
+        raise FormError([("a", f"its mesh has {mesh.topology.cell_name()} cells, which are not supported")])
+    if is_section(mesh) and parallel.any_rank(mesh.comm, bool(mesh.geometry.x[:, 2].any())):
+        raise FormError([("a", "its mesh of plane cells in 3D must lie in 2D x[2] = 0")])
+    return space
+
+
+def conditions_of(bcs: Any, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
+    """The Dirichlet conditions."""
+    bcs = [bcs] if isinstance(bcs, fem.DirichletBC) else bcs or []
+    for k, condition in enumerate(bcs):
+        if not isinstance(condition, fem.DirichletBC):
+            raise FormError([(f"bcs[{k}]", f"must be a DirichletBC of dolfinx, not {kind_of(condition)}")])
+        if not compat.wrapped(space).contains(condition.function_space):
+            raise FormError([(f"bcs[{k}]", "is on another space than a, and on none of its components")])
+    return list(bcs)
+
+
+def settings_of(options: dict[str, Any]) -> SolverSettings:
+    """The settings of the solver."""
+    known = {name: value for name, value in options.items() if value is not None or name not in _NOT_HERE}
+    if wrong := [(name, reason) for name, reason in _NOT_HERE.items() if name in known]:
+        raise FormError(wrong)
+    try:
+        settings = SolverSettings(**known)
+    except SceneError as error:
+        raise FormError(error.problems) from None
+    if (settings.algorithm, settings.regularisation_error) == ("path-following", "auto"):
+        raise FormError(
+            [("regularisation_error", "must be a number: there is no estimate of the discretisation error")]
+        )
+    return settings
+
+
+def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
+    """The foundations and pairs, their own arguments checked as far as they need no mesh."""
+    contacts = [contact] if isinstance(contact, Foundation | Pair) else list(contact or [])
+    problems = list[tuple[str, str]]()
+    for k, entry in enumerate(contacts):
+        if not isinstance(entry, Foundation | Pair):
+            problems.append((f"contact[{k}]", f"must be a Foundation or a Pair, not {kind_of(entry)}"))
+            continue
+        if isinstance(entry, Pair) and isinstance(entry.gap, str) and entry.gap != "geometry":
+            problems.append((f"contact[{k}].gap", f'must be "geometry" or values, not {entry.gap!r}'))
+        if not isinstance(entry.friction, FrictionLaw | None):
+            wrong = f"must be Coulomb(...), Tresca(...), a law of your own or None, not {kind_of(entry.friction)}"
+            problems.append((f"contact[{k}].friction", wrong))
+        elif entry.friction is not None and entry.friction.timed:
+            problems.append((f"contact[{k}].friction", "depends on t: give numbers, and change them between steps"))
+    if problems:
+        raise FormError(problems)
+    return tuple(contacts)
+
+
+def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[list[Facets], dict[int, Facets]]:
+    """The exterior facets of each contact that this rank owns, ascending, and those of the masters of pairs by the
+    number of the contact; collective.
+
+    A facet may be given on any rank that has it.
+
+    Raises:
+        FormError: with all errors: facets that do not exist, are not exterior, or are those of points of one contact
+            and occur in another one; those of masters may be shared.  Or a section has a pair.
+    """
+    pairs = [k for k, entry in enumerate(contact) if entry.against is not None]
+    if is_section(mesh) and pairs:
+        text = "contact of two bodies is not possible yet on a plane mesh in 3D"
+        raise FormError([(f"contact[{k}]", text) for k in pairs])
+    dim = mesh.topology.dim - 1
+    mesh.topology.create_connectivity(dim, dim + 1)
+    facet_map = mesh.topology.index_map(dim)
+    exterior = np.zeros(facet_map.size_local + facet_map.num_ghosts, dtype=bool)
+    exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
+    owned = slice(facet_map.size_local)
+    listed = [(f"contact[{k}].facets", entry.facets) for k, entry in enumerate(contact)]
+    listed += [(f"contact[{k}].against", contact[k].against) for k in pairs]
+    problems, marks = [], []
+    for name, selection in listed:
+        mark = la.vector(facet_map, 1, dtype=np.int32)
+        marks.append(mark)
+        try:
+            local = _listed(selection, mesh, dim, exterior.size)
+        except (ValueError, TypeError) as error:
+            problems.append((name, str(error)))
+            continue
+        mark.array[local] = 1
+    parallel.raise_together(mesh.comm, FormError(problems) if problems else None)
+    taken = np.zeros(facet_map.size_local, dtype=bool)
+    counts = []
+    for k, mark in enumerate(marks):
+        mark.scatter_reverse(la.InsertMode.add)
+        marked = mark.array[owned] > 0
+        counts.append([marked.sum(), (marked & ~exterior[owned]).sum(), (marked & taken).sum()])
+        if k < len(contact):  # facets of a master may be those of several
+            taken |= marked
+    totals = parallel.global_sum(mesh.comm, np.array(counts))
+    for (name, _), (count, inside, twice) in zip(listed, totals, strict=True):
+        if not count:
+            problems.append((name, "there are none"))
+        if inside:
+            problems.append((name, f"{inside} of its {count} facets are not on the boundary of the mesh"))
+        if twice:
+            counterpart = "foundation" if name.endswith("facets") and not pairs else "partner"
+            problems.append((name, f"shares {twice} facets with another contact: a facet has one {counterpart}"))
+    if problems:
+        raise FormError(problems)
+    facets = [np.flatnonzero(mark.array[owned] > 0).astype(np.int32) for mark in marks]
+    return facets[: len(contact)], dict(zip(pairs, facets[len(contact) :], strict=True))
+
+
+def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
+    """The cells of each material, local numbers, ghosts included; collective.
+
+    Args:
+        materials: tags on the cells; None: there is one material.
+        mesh: of the body.
+
+    Raises:
+        FormError: these are no tags on all cells of the mesh.
+    """
+    dim, error = mesh.topology.dim, None
+    cells = mesh.topology.index_map(dim)
+    all_cells = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    if materials is None:
+        return [all_cells]
+    if not isinstance(materials, dmesh.MeshTags):
+        error = f"must be MeshTags of dolfinx, not {kind_of(materials)}"
+    elif materials.dim != dim or compat.topology(materials) != compat.topology(mesh):
+        error = "must be tags on the cells of the mesh"
+    elif materials.indices.size < all_cells.size:
+        error = f"has no tag on {all_cells.size - materials.indices.size} cells of this rank"
+    parallel.raise_together(mesh.comm, None if error is None else FormError([("materials", error)]))
+    tags = parallel.gather_rows(mesh.comm, np.unique(materials.values)[:, None])
+    return [materials.find(int(tag)).astype(np.int32) for tag in np.unique(tags)]
+
+
+def _listed(selection: Any, mesh: dmesh.Mesh, dim: int, count: int) -> Facets:
+    """Local numbers of facets, ghosts included, from a list of them or from tags."""
+    if isinstance(selection, tuple) and len(selection) == 2 and isinstance(selection[0], dmesh.MeshTags):
+        tags, wanted = selection
+        if tags.dim != dim:
+            raise ValueError(f"the tags are on entities of dimension {tags.dim}, not {dim}")
+        if compat.topology(tags) != compat.topology(mesh):
+            raise ValueError("the tags are of another mesh")
+        return np.asarray(tags.indices[np.isin(tags.values, wanted)])
+    facets = np.asarray(selection)
+    if facets.ndim != 1 or not (facets.size == 0 or np.issubdtype(facets.dtype, np.integer)):
+        raise TypeError("local numbers of facets are expected, shape (n,), or (meshtags, tag)")
+    if facets.size and not (facets.min() >= 0 and facets.max() < count):
+        raise ValueError(f"local numbers of facets are below {count} on this rank")
+    return facets.astype(np.int32)
+
+
+def boundaries_of(given: Mapping[str, Any] | None, mesh: dmesh.Mesh) -> dict[str, Facets]:
+    """The facets of each part of the boundary that has a name; collective."""
+    facets, problems = dict[str, Facets](), list[tuple[str, str]]()
+    for name, selection in (given or {}).items():
+        try:
+            (facets[str(name)],), _ = facets_of((Foundation(selection),), mesh)
+        except FormError as error:
+            problems += [(f"boundaries[{name!r}]", wrong) for _, wrong in error.problems]
+    if problems:
+        raise FormError(problems)
+    return facets

@@ -22,9 +22,8 @@ from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
-from signorini_fx.forms.arguments import conditions_of
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
-from signorini_fx.forms.given_forms import GivenForms, NamedParts, named_parts
+from signorini_fx.forms.given_forms import GivenForms, NamedParts, conditions_of, named_parts
 from signorini_fx.forms.mechanics_of_forms import FormBody
 from signorini_fx.forms.stress import modulus_of_energy, natural_modulus
 from signorini_fx.machine import parallel
@@ -48,7 +47,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
-from signorini_fx.solving.stepped_body import certified_result, first_start
+from signorini_fx.solving.load_steps import certified_result, first_start
 
 if TYPE_CHECKING:
     from signorini_fx.results.mechanics import StepResult

@@ -21,9 +21,8 @@ from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
-from signorini_fx.solving.load_steps import Increments, StepProgress
+from signorini_fx.solving.load_steps import BegunStep, Increments, SteppedBody, StepProgress
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps
-from signorini_fx.solving.stepped_body import BegunStep, SteppedBody
 
 
 class Clock:

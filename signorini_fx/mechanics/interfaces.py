@@ -33,7 +33,7 @@ class Foundation:
             rigid tool, which they move.  None: gap and direction say where it is.
         bonded: whether the boundary is tied to it as it lies, whatever gap and friction are; then ``shape`` has a
             force, a moment, or prescribed components.
-        against, allowance, reach, adjust, by_geometry: those of a ``Pair``: there is no other side.
+        against, allowance, reach, adjust, by_geometry, sliding: those of a ``Pair``: there is no other side.
     """
 
     facets: Any
@@ -49,6 +49,7 @@ class Foundation:
     reach: ClassVar[None] = None
     adjust: ClassVar[None] = None
     by_geometry: ClassVar[bool] = False
+    sliding: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)

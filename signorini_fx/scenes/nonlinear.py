@@ -19,10 +19,10 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.displaced_certificate import DisplacementsAtPlaces, ResidualMechanics
+from signorini_fx.forms.nonlinear.linearised import State
 from signorini_fx.forms.nonlinear.load_continuation import Way
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.newton import Origin
-from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import compat, parallel

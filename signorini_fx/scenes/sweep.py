@@ -24,8 +24,8 @@ from signorini_fx.scenes.reading import as_scene, changed, parse_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import refuse_other_than_comm, solve
 from signorini_fx.solving.findings import refuse_beforehand
+from signorini_fx.solving.load_steps import first_start
 from signorini_fx.solving.solve_on_mesh import contact_task, solve_contact, solve_mesh
-from signorini_fx.solving.stepped_body import first_start
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 # The figures of a row.

@@ -33,7 +33,7 @@ from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd, from_rest, turned
 from signorini_fx.solving.findings import refuse_beforehand, scene_findings
-from signorini_fx.solving.load_steps import Increments, StepProgress
+from signorini_fx.solving.load_steps import BegunStep, Increments, LoadStep, SteppedBody, StepProgress, first_start
 from signorini_fx.solving.result_findings import (
     facets_in_result,
     loose_at_rest,
@@ -41,7 +41,6 @@ from signorini_fx.solving.result_findings import (
     result_findings,
     shapes_in_results,
 )
-from signorini_fx.solving.stepped_body import BegunStep, LoadStep, SteppedBody, first_start
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 if TYPE_CHECKING:

@@ -41,8 +41,8 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.nonlinear import problem_of
 from signorini_fx.scenes.reading import as_scene
 from signorini_fx.scenes.scene import Scene
+from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.solve_on_mesh import solve_mesh
-from signorini_fx.solving.stepped_body import LoadStep
 
 Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.

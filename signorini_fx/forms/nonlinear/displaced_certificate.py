@@ -16,8 +16,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra.method import Settings
-from signorini_fx.forms.arguments import conditions_of
-from signorini_fx.forms.given_forms import Facets
+from signorini_fx.forms.given_forms import Facets, conditions_of
 from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import motion_at

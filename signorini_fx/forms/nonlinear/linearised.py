@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -29,13 +29,13 @@ from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
-from signorini_fx.forms.arguments import conditions_of, settings_of
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
-from signorini_fx.forms.given_forms import given_forms
-from signorini_fx.forms.nonlinear.arguments import slides
+from signorini_fx.forms.given_forms import conditions_of, given_forms, settings_of
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, turned_forces
 from signorini_fx.forms.nonlinear.moving_shapes import (
+    DisplacedRigidBodies,
     MovingShape,
+    MovingTools,
     curvature_of,
     fitting,
     hessians_at,
@@ -44,8 +44,6 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     spin_at,
     turned_slips,
 )
-from signorini_fx.forms.nonlinear.moving_tools import DisplacedRigidBodies, MovingTools
-from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
 from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.solver import FormSolver, StepBeginning, options_applied
@@ -55,6 +53,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.loads.supports import prescribed
@@ -71,12 +70,38 @@ from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law
 from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.results.step_frames import LastSolution
 from signorini_fx.tuned import (
     NO_FORCE,
     UNITS_OF_NO_LOAD,
 )
 
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class State:
+    """A solution, or what there is before the first one.
+
+    Attributes:
+        displacement: values of ``u``, ghosts included.
+        contact: the contact points; None: there is no solution.
+        outcome: of the contact problem of the last iteration; None: there is none.
+        guess: where the next solve may begin; None: as the load step does.
+        certificate: of the solution; None: there is none.
+        iterations: of Newton's method.
+        shapes: of the foundations, where they were placed, by their numbers.
+        tools: coordinates of those that forces move, lengths, shape (t, m), see ``MovingTools``.
+    """
+
+    displacement: Array
+    contact: ContactState | None
+    outcome: Outcome | None
+    guess: LastSolution | None
+    certificate: Certificate | None
+    iterations: int
+    shapes: dict[int, Any]
+    tools: Array
 
 
 class MovingFoundations(Foundations):
@@ -314,7 +339,7 @@ class LinearisedProblem(FormSolver):
 
     def slide(self) -> None:
         """Renew the maps of pairs at the displacement of now; collective."""
-        numbers = [k for k, entry in enumerate(self.contact) if slides(entry)]
+        numbers = [k for k, entry in enumerate(self.contact) if entry.sliding]
         if numbers and not self.pairs:
             foundations, space = self.foundations, self.space
             fixed, values = prescribed(space, conditions_of(self.bcs, space))

@@ -11,10 +11,9 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import MatrixError
-from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
-from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
-from signorini_fx.forms.nonlinear.outcomes import State
+from signorini_fx.forms.nonlinear.linearised import State
+from signorini_fx.forms.nonlinear.newton import FINAL, EquilibriumSolver, NoEquilibrium, advice_on
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
 from signorini_fx.records import Status, StepRecord, Timings
@@ -158,7 +157,7 @@ class Continuation:
         """
         solver = self.solver
         history, status = solver.linear.history, solver.status
-        final = not way.may_halve or status in outcomes.FINAL
+        final = not way.may_halve or status in FINAL
         if status is not None and solver.without:
             status = Status.LIMIT
         if final and isinstance(error, NoEquilibrium) and solver.solved is None:
@@ -179,7 +178,7 @@ class Continuation:
                 reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
                 raise FormError(reasons, error.source) from error.__cause__
             assert status is not None
-            solver.status, advice = status, outcomes.advice_on(status)
+            solver.status, advice = status, advice_on(status)
             text = f"{solver.failure}: at {end}; {last}"
             if status is Status.LIMIT:
                 text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"

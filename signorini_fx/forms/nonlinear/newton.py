@@ -21,11 +21,8 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
-from signorini_fx.forms.nonlinear import outcomes
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics, certified, mechanics_at
-from signorini_fx.forms.nonlinear.line_search import length_of_increment
-from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.outcomes import State
+from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, State
 from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
 from signorini_fx.forms.nonlinear.results import SolvedBody
@@ -39,11 +36,16 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
+    BRACKET_MARGIN,
+    CERTIFICATE_TOLERANCE,
     KEPT_TANGENT,
     LEAST_INCREMENT,
+    LINE_SEARCH_STEPS,
     NO_FORCE,
     ROOT_OF_EPS,
+    SHORTENED_SLOPE,
     UNITS_OF_PLACES,
+    WHOLE_SLOPE,
 )
 
 Array = npt.NDArray[np.float64]
@@ -51,6 +53,48 @@ Array = npt.NDArray[np.float64]
 
 class NoEquilibrium(Exception):
     """A solve, or a way through load steps, has ended without a solution; its text says how, and what to do."""
+
+
+# What the statics of linear bodies prove.
+OF_LINEAR_BODIES = (
+    Status.OPEN,
+    Status.TIPS,
+    Status.SLIDES,
+    Status.SLIDES_AT_PRESSURES,
+    Status.TOO_LARGE,
+    Status.SINGULAR,
+)
+# How a solve ends that says nothing of the stiffness.
+NOT_BY_STIFFNESS = (
+    Status.PASSED,
+    Status.FOLDED,
+    Status.AT_END,
+    Status.INSIDE,
+    Status.TOO_LARGE,
+    Status.NO_DIGIT,
+    Status.NOT_CERTIFIED,
+    Status.NO_MEMORY,
+    Status.NOT_HELD,
+    Status.OPEN,
+)
+# What smaller steps do not change.
+FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT_HELD, Status.OPEN)
+
+
+def failure(status: Status, certificate: Certificate | None, says_no: str, detail: str) -> str:
+    """How a solve ends that has no solution, in words; ``certificate``: of its last iterate; ``says_no``: why there may
+    be no solution; ``detail``: what is wrong, or where; empty: nothing is known.
+    """
+    reason = says_no or detail
+    if not reason and certificate is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
+        reason = f"{certificate.worst_name} {certificate.worst:.1e}"
+    ended = "deformation too large for small strains" if status is Status.TOO_LARGE else status.value
+    return ended + (f" ({reason})" if reason else "")
+
+
+def advice_on(status: Status) -> str:
+    """What to do about the outcome of a solve; iterations are those of Newton's method."""
+    return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice
 
 
 class Origin:
@@ -110,7 +154,7 @@ class EquilibriumSolver:
     begun: StepBeginning | None = None
     timings: Timings = field(default_factory=Timings)
     farthest: float = 0.0
-    _detail: str = ""  # see ``outcomes.failure``
+    _detail: str = ""  # see ``failure``
     _tried: Array | None = None  # see ``Stability.reason_for_none``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
@@ -159,7 +203,7 @@ class EquilibriumSolver:
             elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stability.verdict()
                 self._detail = self.stability.where if status is Status.UNSTABLE else ""
-            elif final and status not in (Status.CONVERGED, *outcomes.NOT_BY_STIFFNESS) and not self.without:
+            elif final and status not in (Status.CONVERGED, *NOT_BY_STIFFNESS) and not self.without:
                 self.without = self.stability.reason_for_none(last.displacement, self._tried)
         except Exception:
             self.go_back(last)
@@ -167,9 +211,9 @@ class EquilibriumSolver:
         self.status, self.linear_solves = status, self.linear_solves + len(self.linear.history.iterations) - solves
         if status is Status.CONVERGED:
             return
-        self.failure = outcomes.failure(status, self.certificate, self.without, self._detail)
+        self.failure = failure(status, self.certificate, self.without, self._detail)
         self.go_back(last)
-        raise NoEquilibrium(f"{self.failure}: {outcomes.advice_on(status)}")
+        raise NoEquilibrium(f"{self.failure}: {advice_on(status)}")
 
     def certify(self, begun: State) -> Status:
         """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
@@ -318,7 +362,7 @@ class EquilibriumSolver:
         if inner is Status.OPEN and self.linear.loose:
             self._detail = "nothing presses on the body, and the supports do not hold it"
             return inner
-        if inner in outcomes.OF_LINEAR_BODIES:
+        if inner in OF_LINEAR_BODIES:
             if self.stability.leads(self.u.x.array.copy()):
                 self.without = f"the tangent does not hold it: {inner.value}"
             return Status.NOT_SOLVED
@@ -372,3 +416,84 @@ class EquilibriumSolver:
         mechanics = mechanics_at(self.u, residual, linear, lost)
         claimed = Tractions.of(linear.state), linear.previous_step
         return certified(self.u, mechanics, linear, *claimed), self.origin.loaded(mechanics)
+
+
+Array = npt.NDArray[np.float64]
+
+
+def share_of_increment(slope: Callable[[float], float], first: float, *, search: bool) -> float:
+    """The share to take; 0: there is none at which the slope is finite.
+
+    ``slope``: by which the energy changes at a share, infinite where it cannot be evaluated; ``first``: at 0, negative
+    where the increment goes down; ``search``: whether the slope decides, or only whether it is finite.
+    """
+    share, now = 1.0, slope(1.0)
+    for _ in range(LINE_SEARCH_STEPS):
+        if np.isfinite(now):
+            break
+        share /= 2
+        now = slope(share)
+    if not np.isfinite(now):
+        return 0.0
+    if not search or first >= 0 or abs(now) <= WHOLE_SLOPE * abs(first):
+        return share
+    below, at_below, above, at_above = 0.0, first, share, now
+    for _ in range(LINE_SEARCH_STEPS):
+        if abs(now) <= SHORTENED_SLOPE * abs(first) or at_above <= 0:
+            break
+        if np.isfinite(at_above):
+            share = (below * at_above - above * at_below) / (at_above - at_below)  # regula falsi
+            margin = BRACKET_MARGIN * (above - below)
+            share = min(max(share, below + margin), above - margin)
+        else:
+            share = (below + above) / 2
+        now = slope(share)
+        if now > 0:  # infinite, too
+            above, at_above = share, now
+        else:
+            below, at_below = share, now
+    return share
+
+
+def length_of_increment(
+    linear: LinearisedProblem,
+    forces_at: Callable[[Array], Array | None],
+    at: tuple[Array, Array, Array],
+    *,
+    search: bool,
+) -> tuple[float, Array | None]:
+    """The share of an increment to take, and F there; 0 and None: there is no F however short it is; collective.
+
+    ``forces_at``: see ``Residual.at``; its FormError is raised if it is there however short the increment is; ``at``:
+    values of ``u`` and the increment to them, ghosts included, and F at the owned unknowns; ``search``: whether the
+    slope decides, too: not where prescribed values must arrive.
+    """
+    old, increment, residual = at
+    moved = fem.Function(linear.u.function_space)
+    moved.x.array[:] = increment
+    comm, owned = moved.function_space.mesh.comm, len(residual)
+    internal, turning, on_tools = linear.internal(moved)
+    ahead = np.where(linear.prescribed[0][:owned], 0.0, increment[:owned])
+    # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn with the normals.
+    contact = -internal - residual
+    failed: FormError | None = None
+    forces: Array | None = None
+
+    def slope(share: float) -> float:
+        nonlocal failed, forces
+        try:
+            forces, failed = forces_at(old + share * increment), None
+        except FormError as error:
+            forces, failed = None, error
+        if forces is None:
+            return np.inf
+        along = float(parallel.global_sum(comm, np.array(ahead @ (forces + contact + share * turning))))
+        return along - (1.0 - share) * on_tools
+
+    first = -float(parallel.global_sum(comm, np.array(ahead @ internal))) - on_tools
+    size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
+    search = search and change > CERTIFICATE_TOLERANCE * size
+    share = share_of_increment(slope, first, search=search)
+    if share == 0.0 and failed is not None:
+        raise failed
+    return share, forces

@@ -12,9 +12,9 @@ import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial import cKDTree
 
+from signorini_fx.forms.nonlinear.linearised import State
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
-from signorini_fx.forms.nonlinear.outcomes import State
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
