@@ -97,7 +97,7 @@ def solve_path(
             solver.begun = start = solver.begin_step()
         body = FormSteps(solver.model(path), path, solver.timings, solver, clock, solver.beginning())
         progress = StepProgress(body, solver.task, start, increments)
-        progress.solve_all(lambda step: on_step(step.result), stored)
+        progress.all(lambda step: on_step(step.result), stored)
     return progress
 
 

@@ -20,7 +20,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.displaced_certificate import DisplacementsAtPlaces, ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import State
-from signorini_fx.forms.nonlinear.load_continuation import Way
+from signorini_fx.forms.nonlinear.load_continuation import Continuation, Way
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.newton import Origin
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
@@ -157,7 +157,8 @@ class ProblemOfScene(NonlinearContactProblem):
         failures = list[Finding]()
         try:
             with self._as_convergence_error():
-                self._continuation.follow(Way(self.statement.path, self.go_to), on_step, stored)
+                self._ran = Continuation(self._solver, Way(self.statement.path, self.go_to))
+                self._ran.all(on_step, stored)
         except ConvergenceError as error:
             if self._solver.solved is None:  # not even the body before the first one can be shown
                 raise

@@ -7,10 +7,11 @@ proved by statics, see ``algebra.contact.statics``.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import floor
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -171,34 +172,36 @@ def first_start(start: Start, boundary: ContactBoundary, state: ContactState | N
     return start.begin_from(*carry_over(state, boundary))
 
 
-@dataclass(frozen=True)
-class Stepping(Generic[S]):
-    """How load steps of one kind of body are gone through; all functions are collective.
-
-    Attributes:
-        history: takes every linear solve.
-        timings: of the run.
-        ended: whether there is no further load step.
-        solved: the next load step; None: it has no solution, and is tried in another way unless the load steps have
-            ended.
-        recalled: the next load step as an earlier run has left it in a checkpoint; None: it is not there, or is no
-            solution.
-        store: puts a load step into a checkpoint, with the marks before it.
-        go_on: called before a load step that follows one.
-    """
+class Stepping(ABC, Generic[S]):
+    """A way through the load steps of one kind of body, with its history and timings; all methods are collective."""
 
     history: History
     timings: Timings
-    ended: Callable[[], bool]
-    solved: Callable[[], S | None]
-    recalled: Callable[[MeshCheckpoint], S | None] = lambda checkpoint: None
-    store: Callable[[MeshCheckpoint, S, Marks], object] = lambda checkpoint, step, marks: None
-    go_on: Callable[[S], object] = lambda step: None
+
+    @property
+    @abstractmethod
+    def through(self) -> bool:
+        """Whether there is no further load step."""
+
+    @abstractmethod
+    def solved(self) -> S | None:
+        """The next load step; None: it has no solution, and is tried in another way unless this is through."""
+
+    @abstractmethod
+    def recalled(self, checkpoint: MeshCheckpoint) -> S | None:
+        """The next load step as an earlier run has left it; None: it is not there, or is no solution."""
+
+    @abstractmethod
+    def store(self, checkpoint: MeshCheckpoint, step: S, marks: Marks) -> None:
+        """Put a load step into a checkpoint, with the marks before it."""
+
+    def go_on(self, step: S) -> None:
+        """Begin the next load step where this one has ended."""
 
     def all(self, on_step: Callable[[S], object], checkpoint: MeshCheckpoint | None = None) -> None:
-        """Solve one load step after the other, or take it from the checkpoint, until they have ended; collective."""
+        """Solve one load step after the other, or take it from the checkpoint, until there is none."""
         marks = _marks(self.history)
-        while not self.ended():
+        while not self.through:
             step = None if checkpoint is None else self.recalled(checkpoint)
             recalled = step is not None
             step = step or self.solved()
@@ -208,9 +211,50 @@ class Stepping(Generic[S]):
             if not recalled and checkpoint is not None:
                 with self.timings.phase("checkpoint"):
                     self.store(checkpoint, step, marks)
-            if not self.ended():
+            if not self.through:
                 self.go_on(step)
             marks = _marks(self.history)
+
+
+class PathIncrements:
+    """Where a problem is on its path through load steps; places are those of ``statement.load_path``.
+
+    Attributes:
+        path: the load steps.
+        nominal: the increment that a ramp was asked for.
+        reached: the place of the last load step with a solution; -1 before the first one.
+        increment: from there to the next one.
+    """
+
+    stored_names: ClassVar[tuple[str, ...]] = ("reached", "increment")
+
+    def __init__(self, path: LoadPath) -> None:
+        self.path, self.nominal = path, 1.0 / (path.steps or 1)
+        # A list of several factors begins with one step to the first of them, in which slip is counted from rest.
+        self.reached, self.increment = -1.0, self.nominal if path.from_nothing else 1.0
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last load step has been solved."""
+        return self.reached >= len(self.path.times) - 1
+
+    @property
+    def next(self) -> float:
+        """The place of the next load step; none goes beyond the next factor."""
+        return next_place(self.reached, self.increment)
+
+    def halve(self) -> None:
+        """The next load step has no solution."""
+        self.increment = (self.next - self.reached) / 2
+
+    def resume(self, position: Mapping[str, float]) -> None:
+        """Go on from where an earlier run has come to, see ``stored``."""
+        for name in self.stored_names:
+            setattr(self, name, position[name])
+
+    def stored(self) -> dict[str, float]:
+        """What ``resume`` needs, as plain data."""
+        return {name: getattr(self, name) for name in self.stored_names}
 
 
 # Outcomes that another increment of the load does not change if nothing has been reached before.  Afterwards the same
@@ -218,53 +262,35 @@ class Stepping(Generic[S]):
 _HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER, Status.NO_MEMORY)
 
 
-class Increments:
-    """Where a problem is on its path through load steps; places are those of ``statement.load_path``.
+class Increments(PathIncrements):
+    """Where a linear problem is on its path.
 
     Without a ramp every time is a load step, and one without a solution ends the way.  In a ramp its increment is
     halved, until the load is enclosed between one with and one without a solution.  The linear solves of the last load
     step set how many an attempt without one may take.
 
-    Args:
-        path: the load steps.
-        settings: of the solver.
-
     Attributes:
-        reached: the place of the last load step with a solution; -1 before the first one.
-        increment: from there to the next one.
-        easy: how many of the last ones were easy.
-        last: linear solves of the last load step with a solution.
+        easy: how many of the last load steps with a solution were easy.
+        last: linear solves of the last one.
     """
 
+    stored_names = (*PathIncrements.stored_names, "easy", "last")
+
     def __init__(self, path: LoadPath, settings: SolverSettings) -> None:
-        self._last, self._time = len(path.times) - 1, path.time_at
-        self._iterations = settings.max_iterations
-        self._divided, self._from_nothing = path.steps is not None, path.from_nothing
-        self._nominal = 1.0 / (path.steps or 1)
-        # A list of several factors begins with one step to the first of them, in which slip is counted from rest.
-        self.reached, self.increment = -1.0, self._nominal if path.from_nothing else 1.0
+        super().__init__(path)
+        self._iterations, self._divided = settings.max_iterations, path.steps is not None
         self.easy = self.last = 0
 
     @property
-    def ended(self) -> bool:
-        """Whether the last load step has been solved."""
-        return self.reached >= self._last
-
-    @property
-    def next(self) -> float:
-        """The place of the next load step; none goes beyond the next factor."""
-        return next_place(self.reached, self.increment)
-
-    @property
     def _divisible(self) -> bool:
-        return self._divided and (self._from_nothing or self.reached >= 0)
+        return self._divided and (self.path.from_nothing or self.reached >= 0)
 
     @property
     def _encloses(self) -> bool:
         """Whether the increment is not divided any more."""
         reached = self.reached
         begun = reached - floor(reached + SAME_LENGTH) if reached >= 0 else reached + 1.0
-        return self.next - reached <= max(ENCLOSED * begun, SMALLEST_INCREMENT * self._nominal)
+        return self.next - reached <= max(ENCLOSED * begun, SMALLEST_INCREMENT * self.nominal)
 
     @property
     def allowed(self) -> int:
@@ -281,9 +307,9 @@ class Increments:
         """
         if self._is_final(status):
             return None
-        nothing = self.reached == (-1.0 if self._from_nothing else 0.0)
-        held = "without any load" if nothing else f"at time {self._time(self.reached):.6g}"
-        return f"there is a solution {held}, and none at time {self._time(self.next):.6g}"
+        nothing = self.reached == (-1.0 if self.path.from_nothing else 0.0)
+        held = "without any load" if nothing else f"at time {self.path.time_at(self.reached):.6g}"
+        return f"there is a solution {held}, and none at time {self.path.time_at(self.next):.6g}"
 
     def _is_final(self, status: Status) -> bool:
         """Whether a load step that ended with ``status`` has no solution for any increment."""
@@ -296,20 +322,11 @@ class Increments:
         if not self._divided:
             return
         if not divisible:
-            self.increment = self._nominal
+            self.increment = self.nominal
             return
         self.easy = self.easy + 1 if linear_solves <= EASY_STEP else 0
-        if (self.easy > 1 or enclosed) and self.increment < LARGEST_INCREMENT * self._nominal:
+        if (self.easy > 1 or enclosed) and self.increment < LARGEST_INCREMENT * self.nominal:
             self.increment, self.easy = 2 * self.increment, 0
-
-    def resume(self, position: Mapping[str, float]) -> None:
-        """Go on from where an earlier run has come to, see ``stored``."""
-        self.reached, self.increment = position["reached"], position["increment"]
-        self.easy, self.last = int(position["easy"]), int(position["last"])
-
-    def stored(self) -> dict[str, float]:
-        """What ``resume`` needs, as plain data."""
-        return {name: getattr(self, name) for name in ("reached", "increment", "easy", "last")}
 
     def shorten(self, status: Status) -> bool:
         """Halve the increment, because the next load step ended with ``status``; whether a smaller one may be tried:
@@ -317,12 +334,13 @@ class Increments:
         """
         if self._is_final(status) or self._encloses:
             return False
-        self.increment, self.easy = (self.next - self.reached) / 2, 0
+        self.halve()
+        self.easy = 0
         return True
 
 
 @dataclass
-class StepProgress:
+class StepProgress(Stepping[LoadStep]):
     """How far the load steps have come.
 
     Attributes:
@@ -345,18 +363,19 @@ class StepProgress:
     ended: tuple[Outcome, RegularisedData] | None = None
     failed: bool = False
 
-    def solve_all(self, on_step: Callable[[LoadStep], object], checkpoint: MeshCheckpoint | None = None) -> None:
-        """Solve one load step after the other, until one has no solution; collective."""
-        stepping = Stepping[LoadStep](
-            self.task.history,
-            self.body.timings,
-            ended=lambda: self.path.ended or self.failed,
-            recalled=self._recalled,
-            solved=self._solved,
-            store=self._store,
-            go_on=self._go_on,
-        )
-        stepping.all(on_step, checkpoint)
+    @property
+    def history(self) -> History:  # type: ignore[override]
+        """That of the contact problem."""
+        return self.task.history
+
+    @property
+    def timings(self) -> Timings:  # type: ignore[override]
+        """Those of the body."""
+        return self.body.timings
+
+    @property
+    def through(self) -> bool:
+        return self.path.ended or self.failed
 
     def _take(self, step: LoadStep) -> None:
         """Add the result of a load step."""
@@ -365,8 +384,7 @@ class StepProgress:
         if not self.failed or self.ended is None:
             self.ended = step.outcome, step.outcome.problem.data
 
-    def _go_on(self, step: LoadStep) -> None:
-        """Begin the next load step where this one has ended."""
+    def go_on(self, step: LoadStep) -> None:
         result = step.result
         if result.contact is None:
             self.first = step.outcome.next_step(step.start)
@@ -379,7 +397,7 @@ class StepProgress:
         begun = self.body.begun(path_step, self.task, self.first, self.end)
         return replace(begun, start=_with_overclosures(begun.body.model, begun.start))
 
-    def _solved(self) -> LoadStep | None:
+    def solved(self) -> LoadStep | None:
         history, path, newton = self.task.history, self.path, self.task.newton
         beginning = newton.checkpoint()
         step = self._attempt()
@@ -422,7 +440,7 @@ class StepProgress:
         solves = history.linear_solves - solves_before
         return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
 
-    def _store(self, checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
+    def store(self, checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
         model, figures = step.body.model, {"path": self.path.stored()}
         if model.statement.preloads:
             from signorini_fx.solving.bolt_preloads import shortenings
@@ -430,8 +448,7 @@ class StepProgress:
             figures["shortenings"] = shortenings(model, step.start.place)
         checkpoint.store(model, step.body.timings, step.task, step.start, step.outcome, step.result, marks, figures)
 
-    def _recalled(self, checkpoint: MeshCheckpoint) -> LoadStep | None:
-        """The next load step as an earlier run has left it; None if it is not there, or is no solution."""
+    def recalled(self, checkpoint: MeshCheckpoint) -> LoadStep | None:
         number = self.first.step if self.end is None else self.end.start.step
         figures, history, newton = checkpoint.figures(number), self.task.history, self.task.newton
         if figures is None:

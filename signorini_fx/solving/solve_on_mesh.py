@@ -96,7 +96,7 @@ def solve_contact(
 
     body = StatedSteps(model, statement.path, timings, renew)
     progress = StepProgress(body, task, start, Increments(statement.path, statement.solver))
-    progress.solve_all(on_step, level_checkpoint)
+    progress.all(on_step, level_checkpoint)
     model, task = progress.body.model, progress.task
     assert progress.ended is not None
     found = _found(model, tuple(progress.results))

@@ -182,6 +182,14 @@ class EquilibriumSolver:
     def _cells(self) -> BodyCells:
         return BodyCells.of(self.linear.space, self.linear.space.mesh.geometry.dim)
 
+    def begin_path(self, *, several: bool) -> None:
+        """Forget how long solves took, and a first step that had no solution; ``several``: whether there may be more
+        than one load step.
+        """
+        self.timings, self.linear.several = Timings(), several
+        if self.solved is not None and self.solved.step.status is not Status.CONVERGED:
+            self.solved = None
+
     def attempt(self, *, final: bool = True) -> None:
         """Solve with the values that Constants, Functions, conditions and shapes have now; collective.
 

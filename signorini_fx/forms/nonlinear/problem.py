@@ -213,7 +213,7 @@ class NonlinearContactProblem(ProblemOfForms):
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         actions = commit or (lambda: None), max_newton, stability
         self._solver = EquilibriumSolver(self.linear, residual, tangents, *actions)
-        self._continuation = Continuation(self._solver)
+        self._ran: Continuation | None = None  # the last ``run``, until the next solve
 
     @property
     def status(self) -> Status | None:
@@ -231,12 +231,13 @@ class NonlinearContactProblem(ProblemOfForms):
         return self._solver.iterations
 
     def titled(self, title: str) -> Solution:
-        solved, continuation = self._solver.solved, self._continuation
+        solved = self._solver.solved
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
-        steps = continuation.steps if solved.step.status is Status.CONVERGED else [solved.step]
+        steps = self._steps if solved.step.status is Status.CONVERGED else [solved.step]
+        mechanics = [] if self._ran is None else self._ran.mechanics
         ended, spent = (self.status or Status.CONVERGED, self.findings), (self.history, self._solver.timings)
-        solution = solved.solution(self.linear.rigid, steps, continuation.mechanics, ended, spent, title)
+        solution = solved.solution(self.linear.rigid, steps, mechanics, ended, spent, title)
 
         def error() -> npt.NDArray[np.float64] | str:
             """Of the body as it is now."""
@@ -266,6 +267,11 @@ class NonlinearContactProblem(ProblemOfForms):
         return combined(solution.model, solution.table, shares, 0.5)
 
     @property
+    def _steps(self) -> list[StepResult]:
+        """Those of the last ``run`` with a solution."""
+        return [] if self._ran is None else self._ran.steps
+
+    @property
     def _parts(self) -> Sequence[npt.NDArray[np.int32]]:
         """The cells of each material that is known of, ghosts included."""
         return self.linear.forms.parts
@@ -273,7 +279,7 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        solved, steps = self._solver.solved, self._continuation.steps
+        solved, steps = self._solver.solved, self._steps
         ends = [*steps, *(() if solved is None else (solved.step,))]
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
@@ -326,7 +332,8 @@ class NonlinearContactProblem(ProblemOfForms):
             ConvergenceError: no solution was reached; ``status`` says why, and all else is as the last solution was.
             FormError: a value is not finite, cannot be evaluated, or ``update`` raised an exception.
         """
-        self._continuation.forget()
+        self._ran = None
+        self._solver.begin_path(several=False)
         with self._as_convergence_error():
             self._solver.attempt()
         self._solver.take()
@@ -381,7 +388,8 @@ class NonlinearContactProblem(ProblemOfForms):
         path, clock, stored = begun_path(self.linear, path, at, folder, restart=restart)
         with self._as_convergence_error():
             way = Way(path, lambda place: clock.turn(path.time_at(place)))
-            self._continuation.follow(way, on_step, stored)
+            self._ran = Continuation(self._solver, way)
+            self._ran.all(on_step, stored)
         return self.solution
 
 
