@@ -83,6 +83,22 @@ class ProblemOfForms:
         """
         return self.titled("")
 
+    def place(self, number: int, **placement: Any) -> None:
+        """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
+
+        Gap and normals are those of the new place.  After ``advance`` friction acts on the slip relative to the
+        foundation, which moves with its points.
+
+        Args:
+            number: of the foundation in ``contact``.
+            placement: its shift, rotation and pivot, or of one that forces move its force, moment, prescribed
+                components and spring, see ``statement.rigid_shape.Shape``; what is left out stays.
+
+        Raises:
+            FormError: it has no shape that can be placed, or the placement is wrong.
+        """
+        self.assembled.foundations.place(number, placement)
+
     def write(
         self,
         folder: str | Path,
@@ -356,19 +372,3 @@ class ContactProblem(ProblemOfForms):
             raise FormError([("contact", "there is none: a problem without contact is linear")])
         solved = solver.elastic, solver.task, solver.outcome, solver.begun, self.state, self.u, solver.law_now()
         return add_on("gradient")(of, by, solver.model, solved, solver.data_now)
-
-    def place(self, number: int, **placement: Any) -> None:
-        """Turn and move a foundation that has a shape, for the next solve and those after it.
-
-        Gap and normals are those of the new place.  After ``advance`` friction acts on the slip relative to the
-        foundation, which moves with its points.  One that forces move is driven by others instead.
-
-        Args:
-            number: of the foundation in ``contact``.
-            placement: its shift, rotation and pivot, or its force, moment and prescribed components, see
-                ``statement.rigid_shape.Shape``; what is left out stays.
-
-        Raises:
-            FormError: it has no shape, or the placement is wrong.
-        """
-        self.assembled.foundations.place(number, placement)

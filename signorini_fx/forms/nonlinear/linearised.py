@@ -66,6 +66,7 @@ from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law
@@ -136,10 +137,14 @@ class MovingFoundations(Foundations):
         """Pairs that keep their partners, where they are undeformed, by their numbers."""
         return {number: sides for number, (_, sides) in self._undeformed.items()}
 
-    @property
-    def driven(self) -> list[Any]:
-        shapes = {k: moving.shape for k, moving in self.shapes_of_tools.items() if moving.driven}
-        return [shapes.get(k) for k in range(len(self._contact))]
+    def placed_shape(self, number: int) -> Any:
+        return getattr(self.shapes_of_tools.get(number), "shape", None)
+
+    def _put(self, number: int, distance: Distance) -> None:
+        moving = self.shapes_of_tools[number]
+        if distance.shape.driven is not moving.driven:
+            raise FormError([(f"contact[{number}].shape", "forces move it, or they do not: that cannot change")])
+        moving.shape = fitting(number, distance.shape, self._dimension, turns=moving.turns)
 
     @property
     def rigid_bodies(self) -> RigidBodies:

@@ -42,7 +42,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
-from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion
+from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.mechanics.statement.rigid_shape import Shape, distance_from, turning
 from signorini_fx.tuned import DIFFERENCE_STEP, MOST_TURNED, NEGLIGIBLE
 
@@ -286,26 +286,6 @@ def not_driven(shape: Shape, dimension: int, *, turns: bool = True) -> tuple[str
         reason = "a tool that forces turn about more than one axis is not possible yet with a nonlinear body"
         return "prescribed", f"{reason}: prescribe {others}, or all of {', '.join(rotations)}"
     return None
-
-
-def place(moving: MovingShape | None, number: int, placement: Mapping[str, Any]) -> None:
-    """Give the shape of a foundation another shift, rotation or pivot; None: it has no shape.
-
-    Raises:
-        FormError: it cannot be placed, or the placement is wrong.
-    """
-    path = f"contact[{number}].shape"
-    if moving is None:
-        raise FormError([(path, "this foundation has no shape that can be placed")])
-    if moving.driven and (wrong := [key for key in placement if key not in RigidMotion.model_fields]):
-        raise FormError([(f"{path}.{key}", "stays: this foundation is moved by what drives it") for key in wrong])
-    try:
-        moved = moving.shape.placed(**placement)
-    except SceneError as error:
-        raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
-    if moved.driven is not moving.driven:
-        raise FormError([(path, "forces move it, or they do not: that cannot change")])
-    moving.shape = fitting(number, moved, moving.x.shape[1], turns=moving.turns)
 
 
 def rigid_motion(x: Array, translation: Array, turn: Array, pivot: Array) -> Array:

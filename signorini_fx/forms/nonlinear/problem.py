@@ -21,7 +21,6 @@ from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.given_forms import foundations_of, space_of
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation, Way
-from signorini_fx.forms.nonlinear.moving_shapes import place
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
 from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error
@@ -311,19 +310,6 @@ class NonlinearContactProblem(ProblemOfForms):
         assert begun is not None
         with linear.returned_to(begun):
             return add_on("gradient")(of, by, lambda: named, solved, linear.data_now)
-
-    def place(self, number: int, **placement: Any) -> None:
-        """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
-
-        Args:
-            number: of the foundation in ``contact``.
-            placement: its shift, rotation and pivot, see ``statement.rigid_shape.Shape``; of one that forces move
-                its force, prescribed and spring, see ``statement.rigid_motion``; what is left out stays.
-
-        Raises:
-            FormError: it has no shape that can be placed, or the placement is wrong.
-        """
-        place(self.shapes.get(number), number, placement)
 
     def solve(self) -> fem.Function:
         """Solve with the values that Constants, Functions, conditions and shapes have now, return ``u``; collective.

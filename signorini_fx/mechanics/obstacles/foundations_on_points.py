@@ -149,8 +149,12 @@ class Foundations:
     @property
     def driven(self) -> list[Any]:
         """The shape of each contact that forces move; None: it stands still."""
-        shapes = [getattr(self._distances.get(k), "shape", None) for k in range(len(self._contact))]
+        shapes = map(self.placed_shape, range(len(self._contact)))
         return [shape if getattr(shape, "driven", False) else None for shape in shapes]
+
+    def placed_shape(self, number: int) -> Any:
+        """The shape of a contact where it is; None: it has none."""
+        return getattr(self._distances.get(number), "shape", None)
 
     @property
     def rigid_bodies(self) -> RigidBodies:
@@ -193,21 +197,23 @@ class Foundations:
         Raises:
             FormError: it has no shape that can be placed, or the placement is wrong.
         """
-        path = f"contact[{number}].shape"
-        distance = self._distances.get(number)
-        if distance is None or not hasattr(distance.shape, "placed"):
+        path, shape, driven = f"contact[{number}].shape", self.placed_shape(number), self.driven
+        if not hasattr(shape, "placed"):
             raise FormError([(path, "this foundation has no shape that can be placed")])
-        if self.driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
+        if driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
             raise FormError([(f"{path}.{key}", "stays: this foundation is moved by what drives it") for key in wrong])
         try:
-            moved = distance_from(distance.shape.placed(**placement), self._dimension)
+            moved = distance_from(shape.placed(**placement), self._dimension)
         except SceneError as error:
             raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
-        if reason := driven_twice(
-            [moved.shape if k == number else shape for k, shape in enumerate(self.driven)], number
-        ):
+        driven[number] = moved.shape
+        if reason := driven_twice(driven, number):
             raise FormError([(f"{path}.rigid", reason)])
-        self._distances[number] = moved
+        self._put(number, moved)
+
+    def _put(self, number: int, distance: Distance) -> None:
+        """Give a contact this distance."""
+        self._distances[number] = distance
 
     @property
     def placed_shapes(self) -> list[tuple[str, Any, Any]]:
