@@ -12,17 +12,14 @@ from dolfinx import mesh as dmesh
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import Clock, solution_of, solve_path
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
-from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.accuracy.error_estimates import Errors
-from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving import nested, to_accuracy
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
@@ -35,38 +32,33 @@ Make = Callable[[Any], Any]
 
 @dataclass(frozen=True, kw_only=True)
 class MeshedForms(MeshedProblem):
-    """What makes a ``ContactProblem`` on a mesh, of dolfinx where that is ``plain``; with load steps it makes what
-    changes the problem to what it is at a time, too.  ``family``: makes finer meshes anew; None: cells are divided.
+    """What makes a ``ContactProblem`` on a mesh, of dolfinx where that is ``plain``.  ``family``: makes finer meshes
+    anew; None: cells are divided.
     """
 
     make: Make
     tagged: TaggedMesh
     plain: bool
-    path: LoadPath
     family: Callable[[int], AnyMesh] | None
     changed: SolverSettings | None = None
 
     @cached_property
-    def made(self) -> tuple[ContactProblem, Clock]:
-        """The problem on this mesh, and what changes it to what it is at a time; collective."""
-        result = self.make(self.tagged.mesh if self.plain else self.tagged)
-        problem, at = result if isinstance(result, tuple) and len(result) == 2 else (result, None)
+    def made(self) -> ContactProblem:
+        """The problem on this mesh; collective."""
+        problem = self.make(self.tagged.mesh if self.plain else self.tagged)
         if not isinstance(problem, ContactProblem):
             raise FormError([("make", f"must return a ContactProblem, not {kind_of(problem)}")], "make")
         if not problem.contact:
             raise FormError([("make", "must return a problem with contact; others need no sequence of meshes")], "make")
-        if (at is None) is self.path.several:
-            wanted = "(problem, at), as run takes at" if self.path.several else "the problem alone without a path"
-            raise FormError([("make", f"must return {wanted}")], "make")
         if self.changed is not None:
             problem.assembled.settings = self.changed
         problem.assembled.history = self.history
-        return problem, Clock((lambda time: None) if at is None else at)
+        return problem
 
     @property
     def solver(self) -> FormSolver:
         """Of this problem; collective."""
-        return self.made[0].assembled
+        return self.made.assembled
 
     @property
     def estimable(self) -> bool:
@@ -94,15 +86,11 @@ class MeshedForms(MeshedProblem):
     def solve(
         self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
     ) -> tuple[SolvedMesh, list[Errors]]:
-        (made, clock), solver, step_errors = self.made, self.solver, list[Errors]()
+        solver = self.solver
         solver.coarser, solver.coarser_state = coarser, state
-
-        def estimate(result: StepResult) -> None:
-            if self.estimable:
-                step_errors.append(made.errors)
-
-        solution = solution_of(solver, self.path, solve_path(solver, self.path, clock, estimate, checkpoint))
-        return SolvedMesh(solution, self.tagged, solver.task, solver.outcome), step_errors
+        unsolved = solver.attempt()
+        errors = [self.made.errors] if self.estimable and not unsolved else []
+        return SolvedMesh(self.made.solution, self.tagged, solver.task, solver.outcome), errors
 
 
 def solve_nested(
@@ -110,7 +98,6 @@ def solve_nested(
     mesh: AnyMesh | Callable[[int], AnyMesh],
     levels: int = 3,
     *,
-    path: LoadPath | Sequence[float] | None = None,
     observers: Sequence[Observer] = (),
 ) -> Solution:
     """Solve a problem on nested meshes, each starting from the solution on the one before; collective.
@@ -121,12 +108,10 @@ def solve_nested(
     With ``stress`` the errors on each mesh are estimated.
 
     Args:
-        make: a function of a mesh that returns a ``ContactProblem``; with ``path``, a pair of it and of ``at``, see
-            ``ContactProblem.run``.
+        make: a function of a mesh that returns a ``ContactProblem``.
         mesh: the coarsest mesh, whose triangles or tetrahedra are divided, of dolfinx or with named boundaries, as
             ``make`` takes it; or a function of n that makes a mesh with cells n times as small as those of n = 1.
         levels: how many meshes, each with cells half as large as the one before.
-        path: the load steps on each mesh; None: a single one.
         observers: see ``solve``.
 
     Raises:
@@ -136,7 +121,7 @@ def solve_nested(
     """
     if not isinstance(levels, int) or levels < 1:
         raise FormError([("levels", f"must be a whole number from 1, got {levels!r}")], "solve_nested")
-    first = _first(make, mesh, path, observers)
+    first = _first(make, mesh, observers)
 
     def problems() -> Any:
         problem = first
@@ -153,7 +138,6 @@ def solve_to_accuracy(
     mesh: AnyMesh | Callable[[int], AnyMesh],
     accuracy: Accuracy,
     *,
-    path: LoadPath | Sequence[float] | None = None,
     observers: Sequence[Observer] = (),
 ) -> Solution:
     """Solve a problem on finer and finer meshes until the estimated error is what was asked for; collective.
@@ -166,7 +150,6 @@ def solve_to_accuracy(
         make: see ``solve_nested``; its problems need ``stress``.
         mesh: see ``solve_nested``.
         accuracy: the accuracy.
-        path: see ``solve_nested``.
         observers: see ``solve``.
 
     Raises:
@@ -174,7 +157,7 @@ def solve_to_accuracy(
         FormError: an argument is wrong; see also ``ContactProblem``.
         MeshError: the cells cannot be divided.
     """
-    first = _first(make, mesh, path, observers)
+    first = _first(make, mesh, observers)
     adaptive, made = accuracy.refinement == "adaptive", callable(mesh)
     wrong = []
     if not first.estimable:
@@ -198,7 +181,6 @@ def solve_to_accuracy(
 def _first(
     make: Make,
     mesh: AnyMesh | Callable[[int], AnyMesh],
-    path: LoadPath | Sequence[float] | None,
     observers: Sequence[Observer],
 ) -> MeshedForms:
     """The problem on the coarsest mesh; collective."""
@@ -213,7 +195,6 @@ def _first(
         make=make,
         tagged=tagged,
         plain=not isinstance(coarsest, TaggedMesh),
-        path=LoadPath((0.0,)) if path is None else path if isinstance(path, LoadPath) else LoadPath(tuple(path)),
         family=mesh if callable(mesh) else None,
     )
 
