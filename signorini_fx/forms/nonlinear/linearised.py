@@ -33,7 +33,6 @@ from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixErr
 from signorini_fx.forms.given_forms import conditions_of, given_forms, settings_of
 from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, turned_forces
 from signorini_fx.forms.nonlinear.moving_shapes import (
-    DisplacedRigidBodies,
     MovingShape,
     MovingTools,
     curvature_of,
@@ -64,7 +63,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
 )
 from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
-from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodies, RigidBodyMotion
+from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
@@ -92,7 +91,7 @@ class State:
         certificate: of the solution; None: there is none.
         iterations: of Newton's method.
         shapes: of the foundations, where they were placed, by their numbers.
-        tools: coordinates of those that forces move, lengths, shape (t, m), see ``MovingTools``.
+        tools: coordinates of those that forces move, lengths, shape (k,), see ``MovingTools``.
     """
 
     displacement: Array
@@ -147,11 +146,9 @@ class MovingFoundations(Foundations):
         moving.shape = fitting(number, distance.shape, self._dimension, turns=moving.turns)
 
     @property
-    def rigid_bodies(self) -> RigidBodies:
-        bodies = super().rigid_bodies
-        if not bodies.bodies:
-            return bodies
-        return DisplacedRigidBodies(bodies.bodies, bodies.kinematics, bodies.length, self.at)
+    def rigid_bodies(self) -> MovingTools:
+        given = super().rigid_bodies
+        return MovingTools(given.bodies, given.kinematics, given.length, self.at, self.shapes_of_tools)
 
     def measured(self, shape: Any) -> bool:
         """Along the axis of a body of revolution alone, as forces around it cancel."""
@@ -317,7 +314,7 @@ class LinearisedProblem(FormSolver):
     @property
     def moving_tools(self) -> MovingTools:
         """The tools where they are."""
-        return MovingTools(self.foundations.rigid_bodies, self.foundations.shapes_of_tools)
+        return self.foundations.rigid_bodies
 
     @property
     def pairs(self) -> Mapping[int, MovingPair]:
@@ -331,16 +328,14 @@ class LinearisedProblem(FormSolver):
 
     @property
     def reached(self) -> Array:
-        """The coordinates of tools in the last outcome, lengths, shape (t, m), see ``MovingTools``."""
-        length, now = self.rigid.length, self.moving_tools.coordinates
-        moved = [np.append(tool.translation, length * tool.rotation) for tool in self.tools]
-        return np.array(moved, dtype=np.float64).reshape(now.shape)
+        """The coordinates of tools in the last outcome, lengths, shape (k,), see ``MovingTools``."""
+        return self.rigid.unknowns(self.tools)
 
     @property
     def driven_tools(self) -> list[tuple[RigidBodyMotion, Drive]]:
         """Where tools are, and what drives them."""
         tools = self.moving_tools
-        return [*zip(tools.motions, tools.bodies.drives(), strict=True)]
+        return [*zip(tools.motions, tools.drives(), strict=True)]
 
     def slide(self) -> None:
         """Renew the maps of pairs at the displacement of now; collective."""
@@ -368,8 +363,8 @@ class LinearisedProblem(FormSolver):
         hessians = hessians_at(state.boundary, self.shapes, self.places, self.extent)
         nodal = blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.moving_tools, None
-        if tools.bodies.bodies:
-            self.relative = tools.relative_stiffness(state, blocks, self.places)
+        if tools.bodies:
+            self.relative = tools.relative_stiffness(state, blocks)
             nodal = np.where((tools.touching(state.boundary) >= 0)[:, None, None], 0.0, blocks)
         joint = tuple(pair.stiffness(state) for pair in self.pairs.values())
         places = self.places[: self.space.dofmap.index_map.size_local]
@@ -396,7 +391,7 @@ class LinearisedProblem(FormSolver):
             else:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
         places, way = self.places[boundary.nodes] - tools.at_points(boundary), self._way()
-        if tools.bodies.bodies:  # their slips are counted from where a step has begun by their finite motion
+        if tools.bodies:  # their slips are counted from where a step has begun by their finite motion
             begins = np.einsum("nij,ni->nj", boundary.tangents, places - way)
             origin = np.where((tools.touching(boundary) >= 0)[:, None], begins, origin)
         if state is not None and len(self._hessians) == boundary.size == state.boundary.size:
@@ -462,7 +457,7 @@ class LinearisedProblem(FormSolver):
             case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
         if elastic.relative is None or self.relative is None:
             return case
-        moved, driven = self.moving_tools.coordinates.ravel(), self.rigid.driven_together
+        moved, driven = self.moving_tools.coordinates, self.rigid.driven_together
         assert driven is not None
         away = self._at.x.array - np.where(self.prescribed[0], values, 0.0)
         forces, _ = elastic.relative_forces(away, moved - np.where(self.rigid.fixed, driven.motion, 0.0))
@@ -689,7 +684,7 @@ class LinearisedProblem(FormSolver):
         """
         work = 0.0
         if self.rigid.bodies:
-            moved = (self.reached - self.moving_tools.coordinates).ravel()
+            moved = self.reached - self.moving_tools.coordinates
             springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
             work += float(springs @ moved**2)
             if self.elastic.relative is not None:

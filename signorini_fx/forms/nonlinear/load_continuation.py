@@ -198,10 +198,8 @@ class Continuation(Stepping[StepResult]):
         if fields is None:
             checkpoint.forget(number)
             return False
-        (solution, tangent), shape = fields, tools.coordinates.shape
-        at_solution, at_tangent = (
-            np.array(figures["coordinates"][name], dtype=np.float64).reshape(shape) for name in (_SOLUTION, _TANGENT)
-        )
+        solution, tangent = fields
+        at_solution, at_tangent = (np.array(figures["coordinates"][name]) for name in (_SOLUTION, _TANGENT))
         try:
             if residual.at(tangent.x.array.copy()) is None:
                 return False

@@ -29,7 +29,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -329,20 +328,6 @@ def turned_further(initial: float | tuple[float, ...], turn: Array, near: float 
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class DisplacedRigidBodies(RigidBodies):
-    """Rigid bodies at points that have been displaced.
-
-    Attributes:
-        at: the displacement.
-    """
-
-    at: fem.Function
-
-    def places(self, boundary: ContactBoundary) -> Array:
-        return np.asarray(boundary.centre + self.at.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes])
-
-
 class ToolMotion(RigidBodyMotion):
     """How a tool has moved: by a translation of its pivot and a rotation vector that need not be small."""
 
@@ -368,59 +353,56 @@ class ToolMotion(RigidBodyMotion):
 
 
 @dataclass(frozen=True)
-class MovingTools:
-    """The tools of a problem where they are.
+class MovingTools(RigidBodies):
+    """The tools of a problem where they are, at points that have been displaced.
 
     Attributes:
-        bodies: the rigid bodies.
+        displacement: of the body.
         shapes: of all foundations, by their numbers.
     """
 
-    bodies: RigidBodies
+    displacement: fem.Function
     shapes: Mapping[int, MovingShape]
 
-    @cached_property
+    def places(self, boundary: ContactBoundary) -> Array:
+        displacements = self.displacement.x.array.reshape(-1, boundary.x.shape[1])
+        return np.asarray(boundary.centre + displacements[boundary.nodes])
+
+    @property
     def coordinates(self) -> Array:
-        """(v, L psi) of each, lengths, shape (t, m)."""
-        rows = [np.append(at.translation, self.bodies.length * at.turn) for at in self._drivers]
-        return np.array(rows).reshape(len(rows), self._translations + len(self.bodies.kinematics.rotations))
+        """(v, L psi) of each, lengths, shape (k,)."""
+        return self.unknowns(self.motions)
 
     def carry_to(self, coordinates: Array) -> None:
-        """Put their shapes where they are at coordinates of shape (t, m)."""
-        dim = self._translations
-        moves = zip(self.bodies.bodies, self._pivots, coordinates, strict=True)
+        """Put their shapes where they are at coordinates of shape (k,)."""
+        moves = zip(self.bodies, self._pivots, self.moved(coordinates), strict=True)
         for body, pivot, moved in moves:
             for part in body.parts:
-                translation, turn = np.split(np.asarray(moved), [dim])
-                self.shapes[part].carry_to(translation.copy(), np.asarray(turn / self.bodies.length), pivot)
+                self.shapes[part].carry_to(moved.translation.copy(), moved.rotation.copy(), pivot)
 
     @property
     def motions(self) -> tuple[RigidBodyMotion, ...]:
         """How they have moved."""
-        moved = zip(self.bodies.bodies, self._pivots, self._drivers, strict=True)
+        moved = zip(self.bodies, self._pivots, self._drivers, strict=True)
         return tuple(ToolMotion(body, pivot, at.translation.copy(), at.turn.copy()) for body, pivot, at in moved)
-
-    @property
-    def _translations(self) -> int:
-        return self.bodies.kinematics.dimension
 
     @property
     def _drivers(self) -> list[MovingShape]:
         """The shape of each that says what drives it."""
         return [
             self.shapes[next((k for k in body.parts if self.shapes[k].shape.drives), body.parts[0])]
-            for body in self.bodies.bodies
+            for body in self.bodies
         ]
 
     @property
     def _pivots(self) -> list[Array]:
         """Where the pivot of each is given, length, shape (d,)."""
-        return [np.asarray(at.as_given.reference(self._translations)) for at in self._drivers]
+        return [np.asarray(at.as_given.reference(self.kinematics.dimension)) for at in self._drivers]
 
     def touching(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
         """The tool of each contact point, -1: none, shape (n,)."""
         number = np.full(boundary.size, -1)
-        for k, body in enumerate(self.bodies.bodies):
+        for k, body in enumerate(self.bodies):
             number[np.isin(boundary.part, body.parts)] = k
         return number
 
@@ -428,18 +410,18 @@ class MovingTools:
         """R q at contact points, zero at those of other foundations, length, shape (n, d)."""
         if boundary.moving is None:
             return np.zeros_like(boundary.x)
-        return np.asarray(boundary.moving.modes @ self.coordinates.ravel())
+        return np.asarray(boundary.moving.modes @ self.coordinates)
 
-    def relative_stiffness(self, state: ContactState, curvature: Array, displacement: Array) -> Array:
+    def relative_stiffness(self, state: ContactState, curvature: Array) -> Array:
         """Forces of (r, L w), the displacement relative to the tool and its turn, from the tractions of contact points,
         force per length, symmetric, zero where there is no tool, shape (n, m, m); ``curvature``: C, shape (n, d, d).
         """
         boundary, tool = state.boundary, self.touching(state.boundary)
-        dim, turns, touched = self._translations, len(self.bodies.kinematics.rotations), tool >= 0
+        dim, turns, touched = self.kinematics.dimension, len(self.kinematics.rotations), tool >= 0
         blocks = np.zeros((boundary.size, dim + turns, dim + turns))
         blocks[:, :dim, :dim] = np.where(touched[:, None, None], curvature, 0.0)
         pivots = np.array([pivot + at.translation for pivot, at in zip(self._pivots, self._drivers, strict=True)])
-        arms = (boundary.centre + displacement[boundary.nodes])[touched] - pivots[tool[touched]]
+        arms = self.places(boundary)[touched] - pivots[tool[touched]]
         forces = boundary.nodal_forces(state.pressure, state.shear)[touched]
         # In 2D turns are about x[2]: its rows and columns of space are left out.
         space, axes = np.zeros((2, len(arms), 3)), [*range(dim), *range(6 - turns, 6)]
@@ -449,8 +431,7 @@ class MovingTools:
         products = np.einsum("ni,nj->nij", *space)
         along = np.einsum("nii->n", products)[:, None, None] * np.eye(3)
         turned[:, 3:, 3:] = along - (products + products.transpose(0, 2, 1)) / 2
-        lengths = np.append(np.ones(dim), np.full(turns, self.bodies.length))
-        blocks[touched] += turned[:, axes][:, :, axes] / np.multiply.outer(lengths, lengths)
+        blocks[touched] += turned[:, axes][:, :, axes] / np.multiply.outer(self.units, self.units)
         return blocks
 
 

@@ -81,7 +81,7 @@ class RigidBodies:
     length: float
 
     @property
-    def _units(self) -> _Floats:
+    def units(self) -> _Floats:
         """Unknowns per component: one of a translation, L of a rotation, shape (m,)."""
         rotations = len(self.kinematics.rotations)
         return np.array([1.0] * self.kinematics.dimension + [self.length] * rotations)
@@ -122,16 +122,16 @@ class RigidBodies:
     def stiffness(self) -> _Floats:
         """Of the springs at their pivots, force / length, shape (k,)."""
         dim = self.kinematics.dimension
-        of_bodies = [body.motion.stiffness(dim)[: self._units.size] / self._units**2 for body in self.bodies]
+        of_bodies = [body.motion.stiffness(dim)[: self.units.size] / self.units**2 for body in self.bodies]
         return np.array(of_bodies, dtype=np.float64).ravel()
 
     def driven(self, number: int, time: float) -> Driven:
         """What drives one of them at a time."""
-        forces: _Floats = np.zeros((len(self.bodies), self._units.size))
+        forces: _Floats = np.zeros((len(self.bodies), self.units.size))
         motion = np.zeros_like(forces)
         forces[number], prescribed = self.drives(time)[number]
         motion[number] = np.nan_to_num(prescribed)
-        return Driven((forces / self._units).ravel(), (motion * self._units).ravel())
+        return Driven((forces / self.units).ravel(), (motion * self.units).ravel())
 
     @property
     def driven_together(self) -> Driven | None:
@@ -146,7 +146,7 @@ class RigidBodies:
 
     def moved(self, unknowns: _Floats) -> tuple[RigidBodyMotion, ...]:
         """How they have moved, from their unknowns in a displacement, see ``ElasticBody.driven``."""
-        dim, units = self.kinematics.dimension, self._units
+        dim, units = self.kinematics.dimension, self.units
         motions = unknowns.reshape(len(self.bodies), units.size) / units
         return tuple(
             RigidBodyMotion(body, body.pivot(dim), motions[k, :dim], motions[k, dim:])
@@ -155,7 +155,7 @@ class RigidBodies:
 
     def unknowns(self, motions: Sequence[RigidBodyMotion]) -> _Floats:
         """The inverse of ``moved``, shape (k,)."""
-        rows = [np.concatenate((motion.translation, motion.rotation)) * self._units for motion in motions]
+        rows = [np.concatenate((motion.translation, motion.rotation)) * self.units for motion in motions]
         return np.array(rows).ravel()
 
 
