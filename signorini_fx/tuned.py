@@ -41,7 +41,7 @@ PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
 # increment is tried, and the last attempt this many times those: where a limit load cannot be
 # proved, the way up to it sets the price of enclosing it.  Choice; see tests/solving/test_limit_loads.py.
-FAILED_STEP, FAILED_RAMP = 3, 4
+FAILED_STEP = 3
 
 # --- augmented Lagrangian method -------------------------------------------------------------------------------------
 
@@ -471,23 +471,19 @@ ALONG_AXIS = 0.99
 
 # --- nonlinear bodies -------------------------------------------------------------------------------------------------
 
-# After an increment of Newton's method below this share of the size of the body the certificate is asked.  Choice.
-LEAST_INCREMENT = 1e-13
 # After an increment below the first share of the largest displacement, and the second of the one before, the next one
 # has the same tangent.  Choice.
 KEPT_TANGENT = 3e-5, 0.1
-# Shares of the first slope up to which a whole increment and a shortened one are accepted.  Source: a prototype on a
-# disc with J2 plasticity, which fails without a line search.
-WHOLE_SLOPE, SHORTENED_SLOPE = 0.5, 0.3
-# Evaluations of the residual in a line search, and the share of a bracket that its next point keeps from the ends.
-# Choice.
-LINE_SEARCH_STEPS, BRACKET_MARGIN = 12, 0.1
+# Share of the first slope up to which an increment is accepted.  Source: a prototype on a disc with J2 plasticity that
+# fails without a line search.
+WHOLE_SLOPE = 0.5
+# Evaluations of the residual in a line search.  Choice.
+LINE_SEARCH_STEPS = 12
 # Linear solves of a load step of a nonlinear body, from and to, those of its contact problems included.  Measured with
 # and without friction, of rubber and metal.
 NEWTON_SOLVES = (5, 18)
-# A ramp takes a step larger by the second number after one of at most as many iterations as the first, and none below
-# the third share of the load.  Choice.
-FEW_NEWTON_ITERATIONS, STEP_GROWTH, SMALLEST_STEP = 6, 1.5, 1 / 256
+# A ramp takes a step twice as large after one of at most as many iterations.  Choice.
+FEW_NEWTON_ITERATIONS = 6
 # What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
 MOST_TURNED = -0.5
 # Below this relative difference of two stretches squared a series takes the place of powers of both: their difference
@@ -499,10 +495,6 @@ NEAR_ONE, TERMS_NEAR_ONE = 1e-3, 6
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4
-# ICNTL(7) of MUMPS for that factorisation in 2D: approximate minimum degree.  With 18,914 and 116,402 unknowns
-# of docs/evidence/nonlinear_costs.csv 0.019 s and 0.22 s, with the order that MUMPS chooses 0.045 s and 0.34 s; in 3D
-# that order is better, 0.47 s and 0.83 s with 24,375.
-ORDER_IN_PLANE = (7, 6)
 # A tangent is tried by differences of the residual over these strains, and is its derivative if both differ by less
 # than the last number, as a share of the norm, over one of them.  Choice: the first is far below the strain at which
 # metals yield, where over 1e-5 differences of a radial return are wrong by more; round-off of neo-Hookean forces is

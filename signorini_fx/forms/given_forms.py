@@ -228,7 +228,6 @@ def named_parts(forms: GivenForms, settings: SolverSettings, arguments: Sequence
     return NamedParts(statement, tagged)
 
 
-Facets = npt.NDArray[np.int32]
 _NOT_A_SETTING = "is no setting of a contact problem"
 # Settings of a scene that concern its meshes, or its first load step, and arguments of dolfinx's problems.
 _NOT_HERE = {

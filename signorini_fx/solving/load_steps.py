@@ -35,7 +35,6 @@ from signorini_fx.solving.result_findings import explained
 from signorini_fx.tuned import (
     EASY_STEP,
     ENCLOSED,
-    FAILED_RAMP,
     FAILED_STEP,
     LARGEST_INCREMENT,
     SAME_LENGTH,
@@ -299,7 +298,7 @@ class Increments(PathIncrements):
             return step_limit(self._iterations)
         # One at which nothing changes takes two, which is no measure for one that fails.
         before_smaller = FAILED_STEP * (max(self.last, EASY_STEP) if self.last else self._iterations)
-        return FAILED_RAMP * before_smaller if self._encloses else before_smaller
+        return FAILED_STEP * before_smaller if self._encloses else before_smaller
 
     def bracket(self, status: Status) -> str | None:
         """Between which loads a ramp has ended whose last load step has this status; None where no ramp or no load is

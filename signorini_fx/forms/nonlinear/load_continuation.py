@@ -20,7 +20,7 @@ from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Figures
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.load_steps import Marks, PathIncrements, Stepping
-from signorini_fx.tuned import FEW_NEWTON_ITERATIONS, SMALLEST_STEP, STEP_GROWTH
+from signorini_fx.tuned import ENCLOSED, FEW_NEWTON_ITERATIONS
 
 _SOLUTION, _TANGENT = "solution", "tangent"
 
@@ -47,7 +47,7 @@ class Way(PathIncrements):
     @property
     def _smallest(self) -> float:
         """Size below which no step is halved."""
-        return SMALLEST_STEP * self.nominal
+        return ENCLOSED * self.nominal
 
     @property
     def may_halve(self) -> bool:
@@ -58,7 +58,7 @@ class Way(PathIncrements):
         """The next step has a solution, after so many iterations."""
         self.reached = self.next
         if iterations <= FEW_NEWTON_ITERATIONS:
-            self.increment *= STEP_GROWTH
+            self.increment *= 2
         self.increment = min(max(self.increment, self._smallest), self.nominal)
 
 

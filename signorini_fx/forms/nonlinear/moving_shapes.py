@@ -325,9 +325,6 @@ def turned_further(initial: float | tuple[float, ...], turn: Array, near: float 
     return tuple(np.degrees((size + 2 * np.pi * turns) * axis).tolist())
 
 
-Array = npt.NDArray[np.float64]
-
-
 class ToolMotion(RigidBodyMotion):
     """How a tool has moved: by a translation of its pivot and a rotation vector that need not be small."""
 

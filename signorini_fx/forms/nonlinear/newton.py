@@ -36,14 +36,12 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
-    BRACKET_MARGIN,
     CERTIFICATE_TOLERANCE,
     KEPT_TANGENT,
-    LEAST_INCREMENT,
     LINE_SEARCH_STEPS,
     NO_FORCE,
     ROOT_OF_EPS,
-    SHORTENED_SLOPE,
+    SAME_NUMBER,
     UNITS_OF_PLACES,
     WHOLE_SLOPE,
 )
@@ -176,7 +174,7 @@ class EquilibriumSolver:
         linear, mesh = self.linear, self.linear.space.mesh
         farthest = float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
         loose = linear.scales.coordinate_error / NO_FORCE if linear.loose else 0.0
-        return max(LEAST_INCREMENT * linear.extent, UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest, loose)
+        return max(SAME_NUMBER * linear.extent, UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest, loose)
 
     @cached_property
     def _cells(self) -> BodyCells:
@@ -426,9 +424,6 @@ class EquilibriumSolver:
         return certified(self.u, mechanics, linear, *claimed), self.origin.loaded(mechanics)
 
 
-Array = npt.NDArray[np.float64]
-
-
 def share_of_increment(slope: Callable[[float], float], first: float, *, search: bool) -> float:
     """The share to take; 0: there is none at which the slope is finite.
 
@@ -436,31 +431,13 @@ def share_of_increment(slope: Callable[[float], float], first: float, *, search:
     where the increment goes down; ``search``: whether the slope decides, or only whether it is finite.
     """
     share, now = 1.0, slope(1.0)
+    steepest = WHOLE_SLOPE * abs(first) if search and first < 0 else np.finfo(float).max
     for _ in range(LINE_SEARCH_STEPS):
-        if np.isfinite(now):
+        if now <= steepest:
             break
         share /= 2
         now = slope(share)
-    if not np.isfinite(now):
-        return 0.0
-    if not search or first >= 0 or abs(now) <= WHOLE_SLOPE * abs(first):
-        return share
-    below, at_below, above, at_above = 0.0, first, share, now
-    for _ in range(LINE_SEARCH_STEPS):
-        if abs(now) <= SHORTENED_SLOPE * abs(first) or at_above <= 0:
-            break
-        if np.isfinite(at_above):
-            share = (below * at_above - above * at_below) / (at_above - at_below)  # regula falsi
-            margin = BRACKET_MARGIN * (above - below)
-            share = min(max(share, below + margin), above - margin)
-        else:
-            share = (below + above) / 2
-        now = slope(share)
-        if now > 0:  # infinite, too
-            above, at_above = share, now
-        else:
-            below, at_below = share, now
-    return share
+    return share if np.isfinite(now) else 0.0
 
 
 def length_of_increment(

@@ -19,7 +19,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.contact_points.contact_map import block_diagonal
 from signorini_fx.records import Status
-from signorini_fx.tuned import HOLDING_STIFFNESS, NEGLIGIBLE, NO_FORCE, ORDER_IN_PLANE
+from signorini_fx.tuned import HOLDING_STIFFNESS, NEGLIGIBLE, NO_FORCE
 
 Array = npt.NDArray[np.float64]
 
@@ -139,11 +139,11 @@ class Stability:
             matrix.scale(0.5)
         if linear.loose:  # bodies may move without resistance, so that a small stiffness must hold them
             matrix.shift(NO_FORCE * largest)
-        negative, direction = negative_directions(matrix, space.mesh.topology.dim)
+        negative, direction = negative_directions(matrix)
         return negative, direction[:owned]
 
 
-def negative_directions(matrix: PETSc.Mat, dimension: int) -> tuple[int, Array]:
+def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
     """The number of negative eigenvalues of a symmetric matrix of a body, by one LDL^T factorisation with MUMPS, and if
     there are any an unstable direction, shape (rows of this rank,); it is destroyed; collective.
     """
@@ -155,8 +155,6 @@ def negative_directions(matrix: PETSc.Mat, dimension: int) -> tuple[int, Array]:
     preconditioner.setFactorSetUpSolverType()
     for option in (13, 24):  # the inertia needs the root on one rank, and null pivots told from others
         preconditioner.getFactorMatrix().setMumpsIcntl(option, 1)
-    if dimension == 2:  # where MUMPS takes as long to find its own order as to factorise
-        preconditioner.getFactorMatrix().setMumpsIcntl(*ORDER_IN_PLANE)
     preconditioner.setUp()
     negative = int(preconditioner.getFactorMatrix().getInertia()[0])
     direction = _unstable_direction(matrix, preconditioner) if negative else np.zeros(matrix.getLocalSize()[0])
