@@ -8,6 +8,7 @@ Both sides share F, the shapes, and the values of friction at the nodes.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -176,7 +177,7 @@ def conditions_at(
     regularised, law = foundations.problem(boundary, data, Settings.of(linear.settings), linear.scales)
     pairs: dict[int, PairPoints] = {number: FrozenPoints(pair) for number, pair in foundations.pairs.items()}
     for number, pair in linear.pairs.items():
-        pairs[number] = SlidingPoints(pair.sides, pair.displacement, pair.coupling, pair.settled, pair.begun)
+        pairs[number] = SlidingPoints(copy(pair))
     return ContactConditions(boundary, regularised.gap, law, regularised.bilateral, pairs)
 
 

@@ -31,7 +31,6 @@ from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import conditions_of, given_forms, settings_of
-from signorini_fx.forms.nonlinear.moving_pairs import MovingPair, turned_forces
 from signorini_fx.forms.nonlinear.moving_shapes import (
     MovingShape,
     MovingTools,
@@ -61,8 +60,8 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
     Foundations,
     ShapeDistances,
 )
-from signorini_fx.mechanics.obstacles.paired_points import PairedSides
-from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
+from signorini_fx.mechanics.obstacles.paired_points import PairedSides, turned_forces
+from signorini_fx.mechanics.obstacles.sliding_sides import MovingPair, SlidingSides
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_shape import Distance

@@ -28,13 +28,11 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.forms.given_forms import GivenForms, named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_pairs import facet_size, slid_past_partners
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
@@ -43,7 +41,7 @@ from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.result_findings import loose_at_rest, pushed_nodes, shapes_in_results
 from signorini_fx.solving.solve_on_mesh import contact_solution
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FACETS_OF_KEPT_PARTNERS
 
 
 @dataclass(frozen=True)
@@ -163,17 +161,32 @@ def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple
     """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective."""
     if not linear.has_state:
         return ()
-    entries, mesh = linear.contact, linear.space.mesh
-    sizes = {
-        number: facet_size(mesh, linear.foundations.facets[number])
-        for number, entry in enumerate(entries)
-        if isinstance(entry, Pair) and not entry.sliding and not entry.bonded
-    }
-    past = slid_past_partners(linear.state, sizes)
     loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
     inside = pushed_nodes([linear.state], linear.scales.size)
     inside += shapes_in_results(linear.foundations.placed_shapes, linear.u)
-    return (*inside, *past, *loose)
+    return (*inside, *slid_past_partners(linear), *loose)
+
+
+def slid_past_partners(linear: LinearisedProblem) -> list[Finding]:
+    """A warning for each pair whose touching points have moved farther along the other side than partners may be kept;
+    collective.
+    """
+    findings, mesh, state = list[Finding](), linear.space.mesh, linear.state
+    for number, entry in enumerate(linear.contact):
+        if entry.against is None or entry.sliding or entry.bonded:
+            continue
+        lengths = mesh.h(mesh.topology.dim - 1, linear.foundations.facets[number])
+        total, count = parallel.global_sum(mesh.comm, np.array([lengths.sum(), lengths.size]))
+        facet, touching = total / count, (state.boundary.part == number) & state.in_contact
+        farthest = parallel.largest(mesh.comm, np.linalg.norm(state.u_t[touching], axis=1), 0.0)
+        if farthest > FACETS_OF_KEPT_PARTNERS * facet:
+            message = (
+                f"points that keep their partners have moved by up to {farthest:.3g} along the other side, "
+                f"{farthest / facet:.2g} facets: forces there may be wrong, and those on both sides act apart: let the "
+                "sides slide"
+            )
+            findings.append(Finding("warning", f"contact[{number}].sliding", message))
+    return findings
 
 
 def stress_error(

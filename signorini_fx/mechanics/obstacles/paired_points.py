@@ -17,7 +17,9 @@ from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, node_positions
+from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
+from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
@@ -340,3 +342,28 @@ class PairedSides(FacingSides):
             relative[:, components],
         )
         return self.points_at(coupling.nodes, averages, weight=coupling.weight, normal=coupling.normal)
+
+
+def turned_forces(state: ContactState, paired: PairedSides, displacement: Array) -> JointStiffness:
+    """What displacements of the owned nodes change of the contact forces of a pair as normals turn, which is not
+    symmetric, and its transpose; ``paired``: both sides where they are undeformed; collective.
+    """
+    boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
+    assert averages is not None
+    points = np.flatnonzero(boundary.part == paired.index)
+    normal, weight = boundary.normal[points], boundary.weight[points, None, None]
+    shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])
+    # Tangents turn against normals.
+    tractions = state.pressure[points, None, None] * np.eye(dim) - normal[:, :, None] * shear[:, None]
+    components = np.arange(dim)
+    operator = sp.csr_array(averages.operator)[(dim * points[:, None] + components).ravel()]
+    forces = along_vectors((weight * tractions).swapaxes(1, 2)) @ paired.turning(displacement)
+    entries = sp.coo_array(operator.T @ forces)
+    rows, columns = ((dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.master.nodes))
+    of_rank = rows[entries.row], columns[entries.col], entries.data
+    row, column, value = (np.concatenate(part) for part in zip(*boundary.comm.allgather(of_rank), strict=True))
+    unknowns = np.stack((row, column))
+    reached = np.unique(unknowns // dim)
+    places = np.searchsorted(reached, unknowns // dim) * dim + unknowns % dim
+    matrix = sp.coo_array((value, (places[0], places[1])), shape=(dim * reached.size, dim * reached.size))
+    return JointStiffness(reached, sp.csr_array(matrix + matrix.T))

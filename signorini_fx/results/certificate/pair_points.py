@@ -20,8 +20,7 @@ import numpy.typing as npt
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSides
-from signorini_fx.mechanics.obstacles.sliding_sides import SlidingSides
-from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling
+from signorini_fx.mechanics.obstacles.sliding_sides import MovingPair, SlidingSides
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 
 Array = npt.NDArray[np.float64]
@@ -90,22 +89,15 @@ class FrozenPoints(PairPoints):
 
 @dataclass(frozen=True)
 class SlidingPoints(PairPoints):
-    """Those of sides that slide on each other, where the displacement has moved them.
+    """Those of sides that slide on each other, where the displacement has moved them."""
 
-    Attributes:
-        sides: both, undeformed.
-        displacement: of the nodes of both, length, shape (m, d).
-        coupling: the map there.
-        settled: the displacement at the beginning of the step.
-        begun: which nodes the points met there.
-    """
-
-    sides: SlidingSides
-    displacement: Array
-    coupling: SlidingCoupling
-    settled: Array
-    begun: Frames
+    pair: MovingPair
     displaced: ClassVar[bool] = True
+
+    @property
+    def sides(self) -> SlidingSides:
+        """Both, undeformed."""
+        return self.pair.sides
 
     @property
     def across(self) -> Array:
@@ -113,17 +105,14 @@ class SlidingPoints(PairPoints):
 
     def relative(self, owned: Array, normal: Array) -> Array:
         """Along the normal the distance, negative, and across it the slip since the step began."""
-        values, count = self.sides.gathered(owned), self.sides.slave.nodes.size
-        coupling = self.coupling if np.array_equal(values, self.displacement) else self.sides.at(values)
-        slave, master = self.sides.slave.surface.x, self.sides.master.surface.x
-        places = slave + self.settled[:count], master + self.settled[count:]
-        slip = self.sides.sliding_along(coupling, coupling.slip(coupling.started(self.begun, *places)))
-        partnered = coupling.frames.partnered[self.sides.mine]
-        gap = np.where(partnered, coupling.gap[self.sides.mine], self.sides.reach)
-        return np.where(partnered[:, None], slip, 0.0) - gap[:, None] * normal
+        pair, sides = self.pair, self.sides
+        values = sides.gathered(owned)
+        coupling = pair.coupling if np.array_equal(values, pair.displacement) else sides.at(values)
+        slip, partnered = sides.sliding_along(coupling, pair.slip(coupling)), coupling.frames.partnered[sides.mine]
+        return np.where(partnered[:, None], slip, 0.0) - pair.gap(coupling)[sides.mine][:, None] * normal
 
     def on_other_side(self, of_node: Numbers) -> Numbers:
-        return _met_most(self.coupling.frames.master[self.sides.mine], self.sides, of_node)
+        return _met_most(self.pair.coupling.frames.master[self.sides.mine], self.sides, of_node)
 
     def least_area(self) -> Array:
         """What turns directions acts on the neighbours of points on the slave, too."""
@@ -133,7 +122,7 @@ class SlidingPoints(PairPoints):
 
     def error(self) -> float:
         """A plane of symmetry that holds the direction of rays takes a moment, too."""
-        coupling, mine, in_plane = self.coupling, self.sides.mine, np.zeros(len(self.sides.nodes))
+        coupling, mine, in_plane = self.pair.coupling, self.sides.mine, np.zeros(len(self.sides.nodes))
         frames, dim = coupling.frames, coupling.slave.x.shape[1]
         facing = frames.partnered[mine]
         if not frames.partnered.any():
