@@ -38,7 +38,6 @@ from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations, ShapeDistances
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
-from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.settings import SolverSettings
@@ -58,19 +57,14 @@ class StepBeginning:
     """Where a step of a ``ContactProblem`` begins, whatever is tried from there.
 
     Attributes:
-        start: of the step, in the frames of ``boundary``; None: the body at rest.
         previous: ``last`` as the certificate sees it from there.
-        rested: the motions that the reference motion of ``last`` is one of; None: there is none.
         settled: the shapes of foundations as they were at the end of the last step.
     """
 
     last: StepEnd | None
-    start: Start | None
     previous: PreviousStep | None
     solution: LastSolution | None
-    rested: RigidMotions | None
     settled: dict[int, Any]
-    boundary: ContactBoundary
 
 
 class FormSolver:
@@ -133,8 +127,6 @@ class FormSolver:
         self._last_pattern: tuple[tuple[int, ...], tuple[int, ...]] | None = None
         self._last_modulus: tuple[tuple[int, ...], float | None] = (), None
         self._last: StepEnd | None = None  # at the last advance
-        self._rested: RigidMotions | None = None  # of which its reference motion is one
-        self._start: Start | None = None  # of the present step, in the frames of the present foundations
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._state: ContactState | None = None
         self._parts: NamedParts | None = None  # once they are asked for
@@ -184,9 +176,8 @@ class FormSolver:
     def begin_step(self) -> Start:
         """Where a solve begins with what the problem is now; collective."""
         data, law = self.update()
-        begun = self._start
         moved = self._moved(self.boundary)  # slip is relative to the foundation
-        if begun is None:  # slip counts from the body without loads, and the shapes as they were given
+        if self._last is None:  # slip counts from the body without loads, and the shapes as they were given
             self.previous_step = None
             start = Start(data, law, 0.0 * data.mu_hat, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
             if moved is not None:
@@ -196,13 +187,13 @@ class FormSolver:
             # From a coarser mesh, as long as there is no solution.
             begun = first_start(start, self.boundary, self.coarser_state if self._solution is None else None)
         else:
-            assert self._last is not None
             data = data if (resting := self.task.rest) is None else resting.data_from(data)
-            begun, self.previous_step = self._last.begins_on(
-                self.boundary, data, law, moved, begun, self._spin(self.boundary)
-            )
+            begun, spin, renewed = self._last.start, self._spin(self.boundary), self.boundary is not self._last.boundary
+            if renewed:
+                begun = self._last.projected_onto(self.boundary, resting, spin)
+            begun, self.previous_step = self._last.begins_on(self.boundary, data, law, moved, begun, spin)
             solved = self._solution is not None and self._solution.step == begun.step
-            if self.boundary is not self._last.boundary and not solved:
+            if renewed and not solved:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
         begun = replace(begun, factors=np.ones(1))
         self._checkpoint = self.task.newton.checkpoint()
@@ -210,16 +201,12 @@ class FormSolver:
 
     def beginning(self) -> StepBeginning:
         """Where the present step begins, whatever is tried from there."""
-        last, start, previous, solution = self._last, self._start, self.previous_step, self._solution
-        return StepBeginning(last, start, previous, solution, self._rested, self.foundations.settled, self.boundary)
+        return StepBeginning(self._last, self.previous_step, self._solution, self.foundations.settled)
 
     def return_to(self, beginning: StepBeginning) -> None:
         """The next solve begins there, with the foundations where they are."""
-        if self.boundary is not beginning.boundary:  # in whose frames that beginning is
-            self._last_pattern = None
-        self._last, self._start, self.previous_step = beginning.last, beginning.start, beginning.previous
-        self._solution, self._rested = beginning.solution, beginning.rested
-        self.foundations.settled = beginning.settled
+        self._last, self.previous_step = beginning.last, beginning.previous
+        self._solution, self.foundations.settled = beginning.solution, beginning.settled
 
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""
@@ -231,7 +218,7 @@ class FormSolver:
 
     def end_at(self, end: StepEnd) -> None:
         """The next solves begin from the end of a step, with the foundations where they are."""
-        self._last, self._start, self._rested = end, end.start, self.elastic.motions
+        self._last = end
         self.foundations.settle()
 
     def show(self, outcome: Outcome, result: StepResult | None) -> None:
@@ -290,16 +277,11 @@ class FormSolver:
             if count == 0:
                 wrong = "bcs prescribe the displacement along the normal at all of its points, or measure is zero"
                 raise FormError([(f"contact[{k}]", wrong)])
-        resting = None
-        if self._last is not None:
-            # A body that has fallen may have been taken hold of since: then it is counted from the initial position.
-            held, spin = parallel.any_rank(space.mesh.comm, self._holds_fallen(fixed)), self._spin(boundary)
-            self._start, resting = self._last.projected_onto(boundary, held=held, spin=spin)
         self.boundary = boundary
         elastic = self.elastic = self._body(fixed[:owned], boundary)
         self.scales = scales_of(elastic, boundary, self.foundations.facets, self._size(), self._natural_modulus())
         case, data = self._case(values), self._point_data(shapes)
-        task = elastic.task(
+        self.task = elastic.task(
             [case],
             np.ones(1),
             *data,
@@ -309,20 +291,7 @@ class FormSolver:
             history=self.history,
             has_coulomb=self.forms.has_coulomb,
         )
-        if self._start is None:
-            resting = task.rest
-        elif resting is not None and self._rested is not None:
-            resting = replace(resting, motion=elastic.motions.coefficients_of(resting.motion, self._rested))
-        self.task = replace(task, rest=resting)
         return data
-
-    def _holds_fallen(self, fixed: npt.NDArray[np.bool_]) -> bool:
-        """Whether something that the body has fallen with to its reference motion is prescribed by now, on this
-        rank.
-        """
-        if self._last is None or self._last.rest is None or self._rested is None:
-            return False
-        return bool(self._rested.displacement(self._last.rest.motion).ravel()[fixed].any())
 
     def _natural_modulus(self) -> float | None:
         """Of the stress of the forms, or of ``a``: anew when coefficients of ``a`` change; collective."""

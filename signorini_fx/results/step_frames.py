@@ -112,46 +112,40 @@ class StepEnd:
         return replace(start, data=data, law=law), before
 
     def projected_onto(
-        self, boundary: ContactBoundary, *, held: bool, spin: Array | None = None
-    ) -> tuple[Start, ReferenceMotion | None]:
-        """The start of the step and the reference motion, in the frames that the same points have now, with which
-        shears turn, see ``turned``; ``held``: whether what has fallen to the reference motion is held by now, so that
-        slips count from the initial one; collective.
+        self, boundary: ContactBoundary, resting: ReferenceMotion | None, spin: Array | None = None
+    ) -> Start:
+        """The start of the step in the frames that the same points have now, with which shears turn, see ``turned``;
+        ``resting``: the reference motion from which slips count by now; collective.
 
         Raises:
-            FormError: the points are others, or their normals where contact alone holds the body.
+            FormError: the points are others.
         """
-        start, resting, earlier = self.start, self.rest, self.boundary
-        if held and resting is not None:
-            start = replace(start, data=replace(start.data, slip_origin=start.data.slip_origin + resting.u_t))
-            resting = None
+        start, earlier, normal, slips = self.start, self.boundary, self.normal, self.start.data.slip_origin
+        if self.rest is not None:
+            normal, slips = normal + self.rest.u_n, slips + self.rest.u_t
         if parallel.any_rank(boundary.comm, not np.array_equal(earlier.nodes, boundary.nodes)):
             raise FormError([("contact", "its points cannot change between the steps of a loop")])
         turns = parallel.any_rank(boundary.comm, not np.allclose(earlier.normal, boundary.normal))
-        if turns and resting is not None:
-            wrong = "its directions cannot change between the steps of a loop where contact alone holds the body"
-            raise FormError([("contact", wrong)])
         rotation = turned(earlier, boundary, spin)
 
         def along(shear: Array) -> Any:
             return np.einsum("njk,nk->nj", rotation, shear)
 
-        def moved(slip: Array) -> Any:
-            return np.einsum("nij,nik,nk->nj", boundary.tangents, earlier.cotangents, slip)
-
-        data, multipliers, origin = start.data, start.multipliers, moved(start.data.slip_origin)
+        data, multipliers = start.data, start.multipliers
+        origin = np.einsum("nij,nik,nk->nj", boundary.tangents, earlier.cotangents, slips)
         if turns:
-            relative = np.column_stack((self.normal, start.data.slip_origin))
+            relative = np.column_stack((normal, slips))
             coframes = np.concatenate((earlier.normal[:, :, None], earlier.cotangents), axis=2)
             origin = np.einsum("nki,nkj,nj->ni", boundary.frames, coframes, relative)[:, 1:]
-        begun = replace(
+        if resting is not None:
+            origin = origin - resting.u_t
+        return replace(
             start,
             data=replace(data, mu_hat=along(data.mu_hat), slip_origin=origin),
             sets=None if start.sets is None else _turned_sets(start.sets, rotation),
             multipliers=None if multipliers is None else (multipliers[0], along(multipliers[1])),
             elastic_slip=along(start.elastic_slip),
         )
-        return begun, None if resting is None else replace(resting, u_t=moved(resting.u_t))
 
 
 @dataclass(frozen=True)

@@ -290,9 +290,7 @@ def on_moved_foundations(
             begun = begun.begin_from(start.sets, (pressure, shear))
         return from_rest(moved.space, moved.boundary, begun, drift)
     end.taken_up(task, moved, moved.rigid)
-    begun, _ = end.projected_onto(moved.boundary, held=True)
-    if task.rest is not None:  # contact alone holds the body, which comes to rest elsewhere with another gap
-        begun = replace(begun, data=replace(begun.data, slip_origin=begun.data.slip_origin - task.rest.u_t))
+    begun = end.projected_onto(moved.boundary, task.rest)  # contact alone may hold the body, which rests elsewhere now
     drift = moved_since(moved, earlier.statement)
     begun, before = end.begins_on(moved.boundary, task.start.data, moved.law, drift, start=begun)
     change = _seen_otherwise(earlier.boundary, moved.boundary, before.displacement)

@@ -148,12 +148,6 @@ class RigidMotions:
         """The free motions times coefficients of shape (k,) at all nodes of this rank, shape (nodes, d)."""
         return self.of_pieces(self.free @ motion)
 
-    def coefficients_of(self, motion: _Floats, earlier: RigidMotions) -> _Floats:
-        """Those of a motion of the same body with other supports, which these admit too, shape (k,)."""
-        if np.array_equal(self.of_all, earlier.of_all):
-            return motion
-        return np.asarray(np.linalg.lstsq(self.of_all, earlier.of_all @ motion, rcond=None)[0], dtype=np.float64)
-
     def of_pieces(self, motion: _Floats, nodes: npt.NDArray[np.signedinteger[Any]] | slice = slice(None)) -> _Floats:
         """The motions of all pieces times coefficients of shape (m p,) at nodes of this rank, shape (n, d)."""
         coefficients = motion.reshape(-1, self.each)[self.piece[nodes]]
