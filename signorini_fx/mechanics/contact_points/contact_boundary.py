@@ -24,7 +24,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.averages import Averages, AveragingForms, averaged_points
+from signorini_fx.mechanics.assembly.averages import Averages
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes, measure, node_positions
 from signorini_fx.mechanics.assembly.quadrature import lumped_degree, nodal_rule
 from signorini_fx.mechanics.kinematics import of_components
@@ -281,32 +281,29 @@ def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.i
     return compile_form(factor * ufl.inner(z, ufl.FacetNormal(mesh)) * ds)
 
 
+def nodal_points(space: fem.FunctionSpace, form: fem.Form, least: float) -> tuple[npt.NDArray[np.int32], Nodal, Nodal]:
+    """Local numbers of contact nodes, shape (n,), their weights, shape (n,), and normals, shape (n, d), from the unit
+    contact form; collective.
+
+    Nodes whose weight is no larger than ``least`` times the largest one are no points.
+    """
+    weighted_normals = assemble(form).reshape(-1, space.mesh.geometry.dim)
+    size = np.linalg.norm(weighted_normals, axis=1)
+    nodes = np.flatnonzero(size > least * parallel.largest(space.mesh.comm, size)).astype(np.int32)
+    return nodes, size[nodes], weighted_normals[nodes] / size[nodes, None]
+
+
 def contact_part(
     space: fem.FunctionSpace,
-    form: fem.Form | AveragingForms,
+    points: tuple[npt.NDArray[np.int32], Nodal, Nodal],
+    averages: Averages | None,
     facets: npt.NDArray[np.int32],
     index: int,
     fixed: npt.NDArray[np.bool_],
     turned: TurnedNodes | None = None,
-    least: float = 0.0,
 ) -> ContactBoundary:
-    """Points, weights and normals of one contact boundary from the assembled unit contact form; collective.
-
-    Nodes whose weight is no larger than ``least`` times the largest one are no points.
-    """
-    dim = space.mesh.geometry.dim
-    averages = None
-    if isinstance(form, AveragingForms):
-        nodes, weight, moments, averages = averaged_points(space, form, fixed)
-        normal = moments / np.linalg.norm(moments, axis=1, keepdims=True)
-        free = averages.any_of(~averages.fixed)
-    else:
-        weighted_normals = assemble(form).reshape(-1, dim)
-        size = np.linalg.norm(weighted_normals, axis=1)
-        least *= parallel.largest(space.mesh.comm, size)
-        nodes = np.flatnonzero(size > least).astype(np.int32)
-        weight, normal = size[nodes], weighted_normals[nodes] / size[nodes, None]
-        free = ~fixed.reshape(-1, dim)[nodes]
+    """The contact boundary of one rigid foundation from its ``points``, see ``nodal_points``."""
+    dim, (nodes, weight, normal) = space.mesh.geometry.dim, points
     return ContactBoundary(
         comm=space.mesh.comm,
         nodes=nodes,
@@ -314,7 +311,7 @@ def contact_part(
         weight=weight,
         normal=normal,
         part=np.full(nodes.size, index, dtype=np.int32),
-        free=free,
+        free=~fixed.reshape(-1, dim)[nodes] if averages is None else averages.any_of(~averages.fixed),
         segments=segments_of(space, facets, index, vertices=averages is not None),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
         averages=averages,

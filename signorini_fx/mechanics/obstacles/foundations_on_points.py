@@ -18,7 +18,7 @@ from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import averaging, averaging_forms
+from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_values import NodalValues
 from signorini_fx.mechanics.contact_points.contact_boundary import (
@@ -26,6 +26,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
     contact_part,
     join,
     no_points,
+    nodal_points,
     unit_contact_form,
 )
 from signorini_fx.mechanics.interfaces import Foundation, Pair
@@ -259,11 +260,11 @@ class Foundations:
     @cached_property
     def forms(self) -> list[tuple[Any, fem.Function | None]]:
         """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure; a pair
-        has none.
+        has none, nor have points that average.
         """
         return [
             (None, None)
-            if contact.against is not None
+            if contact.against is not None or averaging(self._space)
             else unit_form(self._space, facets, measured=contact.measure is not None)
             for contact, facets in zip(self._contact, self.facets, strict=True)
         ]
@@ -518,8 +519,6 @@ def unit_form(
     """The unit contact form of a rigid foundation, and the coefficient in it that is the factor of its measure."""
     function = fem.Function(space) if measured else None
     factor = None if function is None else function[0]
-    if averaging(space):
-        return averaging_forms(space, facets, factor), function
     z = ufl.TestFunction(space)
     return unit_contact_form(space, z, facets, factor), function
 
@@ -536,11 +535,16 @@ def rigid_points(
     """The points of a rigid foundation from its assembled ``unit_form``; for the other arguments see ``boundary``;
     collective.
     """
-    form, function = compiled
+    (form, function), averages = compiled, None
     if function is not None and shape.factor is not None:
         function.x.array.reshape(-1, function.function_space.dofmap.bs)[:, 0] = np.nan_to_num(shape.factor)
-    least = 0.0 if shape.factor is None else SAME_NUMBER
-    part = contact_part(space, form, facets, number, fixed, turned, least)
+    if form is None:
+        from signorini_fx.mechanics.obstacles.paired_points import averaged_points
+
+        points, averages = averaged_points(space, facets, shape.factor, fixed)
+    else:
+        points = nodal_points(space, form, 0.0 if shape.factor is None else SAME_NUMBER)
+    part = contact_part(space, points, averages, facets, number, fixed, turned)
     if shape.direction is not None:
         return replace(part, normal=shape.direction[part.nodes])
     if shape.factor is not None:

@@ -12,20 +12,28 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
+from mpi4py import MPI
 
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, node_positions
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
+from signorini_fx.mechanics.assembly.quadrature import lumped_degree
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.obstacles.mirrored_points import mirrored
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, couple, normals_of_points
-from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.mortar_coupling import (
+    Coupling,
+    PairingError,
+    Tested,
+    couple,
+    normals_of_points,
+)
+from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
 from signorini_fx.mechanics.pairs.sliding import along_vectors
 from signorini_fx.mechanics.pairs.sparse_maps import beside, of_blocks, of_components, turned_normals
 from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
@@ -71,6 +79,43 @@ class PairedSide:
         sign = np.sign(np.einsum("fd,fd->f", surface.normals(np.arange(len(names)), at)[:, 0], away))
         surface = replace(surface, sign=sign)
         return cls(surface, nodes.astype(np.int64), facets)
+
+    def measured(self, space: fem.FunctionSpace, factor: Array | None) -> PairSurface:
+        """The surface with a factor of the measure at all nodes of this rank, shape (nodes,), None: 1; collective."""
+        if factor is None:
+            return self.surface
+        owned = np.nan_to_num(factor[: space.dofmap.index_map.size_local, None])
+        return replace(self.surface, measure=from_owners(owned, self.nodes, space.mesh.comm)[:, 0])
+
+
+def averaged_points(
+    space: fem.FunctionSpace, facets: Indices, factor: Array | None, fixed: npt.NDArray[np.bool_]
+) -> tuple[tuple[Indices, Array, Array], Averages]:
+    """The points of a rigid foundation on a side whose dual functions average, see ``averages``: local numbers of their
+    nodes, weights and normals, and how they average; collective.
+
+    Args:
+        space: the displacements.
+        facets: owned, local numbers.
+        factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
+        fixed: which dofs of this rank are prescribed, shape (owned dofs,).
+    """
+    comm, dim, side = space.mesh.comm, space.mesh.topology.dim, PairedSide.of(space, facets)
+    surface = side.measured(space, factor)
+    numbers = np.arange(len(surface.nodes))
+    points, weights = surface.functions.rule(
+        lumped_degree(surface.functions.degree, compat.geometry_degree(space.mesh))
+    )
+    at = np.broadcast_to(points, (numbers.size, *points.shape))
+    itself = Overlap(numbers, numbers, at, at, surface.sizes(numbers, at) * weights).measured(surface)
+    tested = Tested.of(surface, itself, MPI.COMM_SELF, bonded=False)
+    area, (first, last) = tested.areas(surface, MPI.COMM_SELF), space.dofmap.index_map.local_range
+    mine = np.flatnonzero((area > 0) & (side.nodes >= first) & (side.nodes < last))
+    shares = sp.csr_array(sp.diags_array(1.0 / area[mine]) @ tested.products(surface, surface)[0][mine])
+    reached = np.unique(shares.indices)
+    held = from_owners(fixed.reshape(-1, dim).astype(np.float64), side.nodes[reached], comm) > 0
+    averages = Averages(shares[:, reached], side.nodes[reached], surface.x[reached], held)
+    return ((side.nodes[mine] - first).astype(np.int32), area[mine], surface.nodal_normals[mine]), averages
 
 
 def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
@@ -158,10 +203,7 @@ class FacingSides:
 
         (frames, entries), (axes, reached) = told(slave), told(master)
         rests = (frames, entries[:, dim:-1]), (axes, reached[:, dim:-1])
-        measures = [
-            None if factor is None else from_owners(np.nan_to_num(factor[:owned, None]), side.nodes, comm)[:, 0]
-            for side in (slave, master)
-        ]
+        measures = [side.measured(space, factor).measure for side in (slave, master)]
         slave = replace(slave, surface=replace(slave.surface, measure=measures[0]))
         on_axis = [None if measure is None else measure <= SAME_NUMBER * measure.max() for measure in measures]
         across = (
