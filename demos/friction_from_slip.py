@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 from signorini_fx import MeshGenerator, Scene, sensitivity
 from signorini_fx.mechanics.effects.contact import UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.effects.loads import SurfaceTraction
 from signorini_fx.mechanics.laws.coulomb import Coulomb
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 

@@ -11,22 +11,24 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
-    "mechanics.effects.body_force": ("BodyForce",),
     "mechanics.effects.contact": (
         "BilateralContact",
         "BondedContact",
         "UnilateralContact",
     ),
     "mechanics.effects.displacement": ("PrescribedDisplacement",),
-    "mechanics.effects.fluid": ("Fluid",),
-    "mechanics.effects.force": ("TotalForce",),
-    "mechanics.effects.gravity": ("Gravity",),
-    "mechanics.effects.point_force": ("PointForce",),
+    "mechanics.effects.loads": (
+        "BodyForce",
+        "Fluid",
+        "Gravity",
+        "PointForce",
+        "Rotation",
+        "Springs",
+        "SurfaceTraction",
+        "TemperatureChange",
+        "TotalForce",
+    ),
     "mechanics.effects.preload": ("Preload",),
-    "mechanics.effects.rotation": ("Rotation",),
-    "mechanics.effects.springs": ("Springs",),
-    "mechanics.effects.temperature": ("TemperatureChange",),
-    "mechanics.effects.traction": ("SurfaceTraction",),
     "errors": (
         "FormError",
         "InstallationError",

@@ -2,8 +2,6 @@
 
 import inspect
 import pydoc
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import get_args
 
 import numpy as np
@@ -17,7 +15,7 @@ from spaces import block
 import signorini_fx as sfx
 from signorini_fx import SceneError
 from signorini_fx.addons.pictures import plot
-from signorini_fx.mechanics import effects
+from signorini_fx.mechanics.statement.effect import ENTRIES, entry_type
 
 COMM = MPI.COMM_SELF
 DOLFINX_MESH = mesh.create_rectangle(COMM, [[0, 0], [3, 1]], [6, 2])
@@ -56,10 +54,7 @@ def test_public_names_are_shown():
 
 def test_every_effect_is_public():
     """Each class that an entry of a scene is an object of."""
-    entries = [
-        import_module(f"signorini_fx.mechanics.effects.{module.name}").Entry
-        for module in iter_modules(effects.__path__)
-    ]
+    entries = [entry_type(key) for key in ENTRIES]
     kinds = [kind for entry in entries for kind in (get_args(entry.__origin__) if get_args(entry) else [entry])]
     classes = {getattr(kind, "__origin__", kind).__name__ for kind in kinds}
     assert {"Springs", "BilateralContact"} <= classes <= set(sfx.__all__)

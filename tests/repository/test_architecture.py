@@ -107,7 +107,9 @@ def test_every_module_has_a_layer():
 def test_imports_point_down():
     """To lower layers, or within one."""
     graph = architecture.graph()
-    assert graph["mechanics.effects.traction"] == {"mechanics.statement.effect", "mechanics.statement.values"}
+    assert graph["mechanics.effects.preload"] == {
+        f"mechanics.statement.{name}" for name in ("effect", "expressions", "rigid_motion", "values")
+    }
     assert {"mechanics.model", "mechanics.mesh.tagged", "algebra.linalg.choice"} <= graph["solving.solve_on_mesh"]
     place = {layer: number for number, layer in enumerate(architecture.LAYERS)}
     upward = [
@@ -282,7 +284,7 @@ def test_only_named_effects_are_imported():
     of_room = "sorted(m.rpartition('.')[2] for m in sys.modules if m.startswith(f'signorini_fx.mechanics.{room}.'))"
     told = f"print(*({of_room} for room in ('effects', 'materials')))"
     ended = python(f"{read}parse_scene({scene}); {told}; print('ufl' in sys.modules)")
-    named = ["['body_force', 'material'] ['isotropic', 'protocol']", "False"]
+    named = ["['loads', 'material'] ['isotropic', 'protocol']", "False"]
     assert (ended.stdout.split("\n")[:2], ended.stderr) == (named, "")
 
 

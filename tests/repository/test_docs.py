@@ -30,20 +30,7 @@ from scenes import alone, example1
 from setuptools import find_packages
 
 import signorini_fx
-from signorini_fx.mechanics.effects import (
-    body_force,
-    contact,
-    displacement,
-    fluid,
-    force,
-    gravity,
-    point_force,
-    preload,
-    rotation,
-    springs,
-    temperature,
-    traction,
-)
+from signorini_fx.mechanics.effects import contact, displacement, loads, preload
 from signorini_fx.mechanics.effects.contact import Overclosure
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.materials.hyperelastic import MooneyRivlin, NeoHooke, Ogden, SaintVenantKirchhoff
@@ -467,17 +454,17 @@ MODELS = {
     ],
     ("`[[displacement]]`", "key"): [displacement.PrescribedDisplacement],
     ("Loads", "key"): [
-        traction.SurfaceTraction,
-        force.TotalForce,
-        fluid.Fluid,
-        body_force.BodyForce,
-        gravity.Gravity,
-        rotation.Rotation,
-        temperature.TemperatureChange,
+        loads.SurfaceTraction,
+        loads.TotalForce,
+        loads.Fluid,
+        loads.BodyForce,
+        loads.Gravity,
+        loads.Rotation,
+        loads.TemperatureChange,
         preload.Preload,
-        point_force.PointForce,
+        loads.PointForce,
     ],
-    ("`[[springs]]`", "key"): [springs.Springs],
+    ("`[[springs]]`", "key"): [loads.Springs],
     ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
     ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
     ("`[[contact]]`", "key of `overclosure`"): [Overclosure],

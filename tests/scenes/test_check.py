@@ -22,7 +22,7 @@ from signorini_fx.mechanics.laws.coulomb import Coulomb, Tresca
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.statement import settings
-from signorini_fx.mechanics.statement.effect import PACKAGE, keys
+from signorini_fx.mechanics.statement.effect import entry_type, keys
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
@@ -384,7 +384,7 @@ MODELS = {
     "element": [scene.Discretised],
     "material": [LinearElastic, OrthotropicElastic],
     "displacement": [displacement.PrescribedDisplacement],
-    **{key: [import_module(f"{PACKAGE}.{key}").Entry] for key in LISTED},
+    **{key: [entry_type(key)] for key in LISTED},
     "contact": [contact_of.UnilateralContact],
     "contact.friction": [Tresca, Coulomb],
     "rigid": [import_module("signorini_fx.scenes.scene").Rigid],

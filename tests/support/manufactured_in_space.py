@@ -12,9 +12,9 @@ import numpy as np
 import ufl
 from spaces import box
 
-from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.contact import UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.loads import BodyForce
 from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.scenes.scene import Scene, SolverSettings

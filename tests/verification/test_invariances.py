@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenes import PATCH, alone, energy, example1, on_mesh, rectangle, table_of
 
-from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.effects.loads import SurfaceTraction
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenes import PATCH, alone, example1
 
-from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.effects.loads import SurfaceTraction
 from signorini_fx.records import Status
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.summary import render, summarise

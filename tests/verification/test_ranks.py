@@ -12,7 +12,7 @@ from spaces import block, box, friction_of, pushed_brick, rotation
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.mechanics.effects.contact import UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.effects.loads import SurfaceTraction
 from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.mechanics.statement.expressions import Expression

@@ -8,14 +8,9 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.effects.body_force import BodyForce
 from signorini_fx.mechanics.effects.contact import Contact, UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.effects.fluid import Fluid
-from signorini_fx.mechanics.effects.force import TotalForce
-from signorini_fx.mechanics.effects.gravity import Gravity
-from signorini_fx.mechanics.effects.rotation import Rotation
-from signorini_fx.mechanics.effects.traction import SurfaceTraction
+from signorini_fx.mechanics.effects.loads import BodyForce, Fluid, Gravity, Rotation, SurfaceTraction, TotalForce
 from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model

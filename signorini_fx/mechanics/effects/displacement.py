@@ -140,6 +140,3 @@ class PrescribedDisplacement(Load):
         touching = self.at is None and any(contact.boundary == self.boundary for contact in statement.contact)
         if touching and (self.normal is not None or None not in self.components):
             yield ("displacement", number), f"{self.boundary!r} is prescribed, and in contact as well: choose one"
-
-
-Entry = PrescribedDisplacement

@@ -104,6 +104,3 @@ class Preload(Load):
         preload = self.model_copy()
         preload._shortenings = {**self._shortenings, step: shortening}
         return preload
-
-
-Entry = Preload

@@ -1,4 +1,4 @@
-"""What the effects of a scene have in common, and how they are found: by the names of the files in ``effects/``.
+"""What the effects of a scene have in common, and how they are found: by their keys in ``ENTRIES``.
 
 Other packages have more by entry points, whose names are keys of a scene as well:
 
@@ -27,7 +27,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo, create_model
 from pydantic.fields import FieldInfo
 
-from signorini_fx.extensions import EFFECTS, is_of_package, load_class, modules_of, names_of, on_registered
+from signorini_fx.extensions import EFFECTS, is_of_package, load_class, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.values import Finite, TimedValue
@@ -129,10 +129,11 @@ class Effect(Table):
 
     @property
     def label(self) -> str:
-        """What it is, in words: the name of its file, or of the class of another package."""
+        """What it is, in words: its key, or the name of the class of another package."""
         kind = type(self)
         if is_of_package(kind):
-            return kind.__module__.rpartition(".")[2].replace("_", " ")
+            keys = (key for key, place in ENTRIES.items() if place == ("loads", kind.__name__))
+            return next(keys, kind.__module__.rpartition(".")[2]).replace("_", " ")
         return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", kind.__name__).lower()
 
     @cached_property
@@ -260,13 +261,6 @@ class InitialStrain(Load):
         raise NotImplementedError
 
 
-def without_density(statement: Any, key: str) -> Contradictions:
-    """The materials that have no density although an effect needs it."""
-    for number, material in enumerate(statement.material):
-        if material.density is None:
-            yield ("material", number), f"has no density, which {key} needs"
-
-
 class Resistance(Effect):
     """Forces per area on a boundary that are linear in the displacement, and symmetric."""
 
@@ -278,12 +272,28 @@ class Resistance(Effect):
 # --- how they are found ----------------------------------------------------------------------------------------------
 
 PACKAGE = "signorini_fx.mechanics.effects"
+# The file of each key in this package, and the type of its entries there.
+ENTRIES = {
+    "body_force": ("loads", "BodyForce"),
+    "contact": ("contact", "Entry"),
+    "displacement": ("displacement", "PrescribedDisplacement"),
+    "fluid": ("loads", "Fluid"),
+    "force": ("loads", "TotalForce"),
+    "gravity": ("loads", "Gravity"),
+    "material": ("material", "Entry"),
+    "point_force": ("loads", "PointForce"),
+    "preload": ("preload", "Preload"),
+    "rotation": ("loads", "Rotation"),
+    "springs": ("loads", "Springs"),
+    "temperature": ("loads", "TemperatureChange"),
+    "traction": ("loads", "SurfaceTraction"),
+}
 _Model = TypeVar("_Model", bound=type[BaseModel])
 
 
 def keys() -> tuple[str, ...]:
     """The keys of all effects, those of other packages last; none is imported."""
-    return tuple(dict.fromkeys((*modules_of(PACKAGE), *names_of(EFFECTS))))
+    return tuple(dict.fromkeys((*ENTRIES, *names_of(EFFECTS))))
 
 
 def entry_type(key: str) -> Any:
@@ -292,13 +302,15 @@ def entry_type(key: str) -> Any:
     Raises:
         InstallationError: that of another package cannot be imported, or is no ``Effect``.
     """
-    return import_module(f"{PACKAGE}.{key}").Entry if key in modules_of(PACKAGE) else load_class(EFFECTS, key, Effect)
+    if key not in ENTRIES:
+        return load_class(EFFECTS, key, Effect)
+    file, name = ENTRIES[key]
+    return getattr(import_module(f"{PACKAGE}.{file}"), name)
 
 
 def _described_type(key: str) -> Any:
     """The same, of a key whose entries are of several files from all of them."""
-    every = getattr(import_module(f"{PACKAGE}.{key}"), "every_entry", None) if key in modules_of(PACKAGE) else None
-    return entry_type(key) if every is None else every()
+    return import_module(f"{PACKAGE}.material").every_entry() if key == "material" else entry_type(key)
 
 
 def _type(entry: Any, *, many: bool) -> Any:
@@ -334,9 +346,7 @@ def with_every_effect(model: _Model) -> _Model:
     """
     added: dict[str, Any] = {key: (Entries, ()) for key in keys() if key not in model.model_fields}
     made = _extended(model, added)
-    key_lines = "".join(
-        f"\n    {key}: see ``effects/{key}.py``; default: none." for key in added if key in modules_of(PACKAGE)
-    )
+    key_lines = "".join(f"\n    {key}: see ``{ENTRIES[key][1]}``; default: none." for key in added if key in ENTRIES)
     made.__doc__ = cleandoc(model.__doc__ or "") + key_lines
 
     def add(key: str) -> None:
