@@ -32,7 +32,7 @@ from signorini_fx.mechanics.statement.effect import Effect, Force, InitialStrain
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LARGEST_NUMBER, SAME_NUMBER
+from signorini_fx.tuned import LARGEST_NUMBER, SAME_NUMBER
 
 
 @dataclass(frozen=True)
@@ -331,35 +331,7 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[
 
 def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any) -> fem.Form | None:
     """The terms of a(y, z) by which effects resist the displacement on the boundary, compiled together."""
-    for effect in acting:
-        if not is_of_package(type(effect)):
-            _check_reaction(effect, on)
     return _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on)
-
-
-def _check_reaction(effect: Resistance, on: FormCoefficients) -> None:
-    """Refuse a reaction that is not linear, symmetric and against the displacement, from its work; collective.
-
-    Raises:
-        SceneError: it is none of these.
-    """
-    y, z, random = fem.Function(on.space), fem.Function(on.space), np.random.default_rng(0)
-    a, b = random.standard_normal((2, y.x.array.size))
-    form = _compiled([effect], lambda entry: ufl.inner(_asked(entry, "reaction", on, y), z), on)
-    assert form is not None
-
-    def work(displacement: npt.NDArray[np.float64], at: npt.NDArray[np.float64]) -> float:
-        y.x.array[:], z.x.array[:] = displacement, at
-        return float(parallel.global_sum(on.space.mesh.comm, np.array(fem.assemble_scalar(form))))
-
-    own, name = work(a, a), f"reaction of {type(effect).__name__}"
-    least = CERTIFICATE_TOLERANCE * abs(own)
-    if abs(work(a + b, b) - work(a, b) - work(b, b)) > least:
-        raise SceneError([(on.path(effect), f"{name} is not linear in the displacement")])
-    if abs(work(a, b) - work(b, a)) > least:
-        raise SceneError([(on.path(effect), f"{name} has no energy: it is not symmetric")])
-    if own < 0:
-        raise SceneError([(on.path(effect), f"{name} pushes the body along its displacement")])
 
 
 def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> Any:
