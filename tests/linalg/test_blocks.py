@@ -18,8 +18,7 @@ from two_bodies import paraboloids
 
 from signorini_fx.algebra.linalg import blocks, callbacks, factorisation, kernels, krylov
 from signorini_fx.errors import MachineError
-from signorini_fx.mechanics.assembly import block_stiffness
-from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
+from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness, block_stiffness
 from signorini_fx.mechanics.body import elastic_body
 from signorini_fx.records import Status
 from signorini_fx.scenes.solver import solve
@@ -67,7 +66,7 @@ def two_matrices(dimension, comm):
     some = np.arange(0, len(fixed) // dimension, 3)
     springs = np.random.default_rng(comm.rank).standard_normal((len(some), dimension, dimension))
     beside = NodalStiffness(some, springs @ springs.transpose(0, 2, 1))
-    ours, theirs = block_stiffness.block_stiffness(forms, fixed, beside), elastic_body.sum_of(forms, bcs)
+    ours, theirs = block_stiffness(forms, fixed, beside), elastic_body.sum_of(forms, bcs)
     beside.add_to(theirs, fixed)
     diagonal = theirs.getDiagonal()
     diagonal.getArray()[fixed] = comm.allreduce(diagonal.getArray().max(initial=0.0), op=MPI.MAX)

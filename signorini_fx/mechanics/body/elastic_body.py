@@ -192,7 +192,7 @@ class ElasticBody:
     def _assembled(self) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """``stiffness`` and ``rotation``, and this without rigid bodies."""
         if self._fit_for_blocks:
-            from signorini_fx.mechanics.assembly.block_stiffness import block_stiffness
+            from signorini_fx.mechanics.assembly.nodal_stiffness import block_stiffness
 
             return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
