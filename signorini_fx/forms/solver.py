@@ -13,6 +13,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
@@ -20,7 +21,6 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
-from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
 from signorini_fx.forms.given_forms import GivenForms, NamedParts, conditions_of, named_parts

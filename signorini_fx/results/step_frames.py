@@ -12,9 +12,9 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.contact.motions import ReferenceMotion
 from signorini_fx.algebra.contact.nodal_vectors import Nodal as Array
 from signorini_fx.algebra.contact.nodal_vectors import length, unit
-from signorini_fx.algebra.contact.reference_motion import ReferenceMotion
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody

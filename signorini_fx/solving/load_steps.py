@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
 
 import numpy as np
 
+from signorini_fx.algebra import step_limit
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.algebra.method import HALF, step_limit
 from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -402,7 +402,7 @@ class StepProgress(Stepping[LoadStep]):
         step = self._attempt()
         status = step.result.status
         if status is not Status.CONVERGED and not history.exhausted and path.shorten(status):
-            history.add(f"{step}: {HALF}")
+            history.add(f"{step}: half the increment")
             newton.restore(beginning)
             return None
         self._take(step)

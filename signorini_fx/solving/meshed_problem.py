@@ -11,7 +11,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
-from signorini_fx.algebra.linalg.petsc_c import memory_ended
+from signorini_fx.algebra.linalg.petsc_calls import memory_ended
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState

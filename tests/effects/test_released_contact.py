@@ -7,7 +7,6 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx import Scene, solve
-from signorini_fx.algebra.method import INTERIOR_POINT
 
 FRICTION = {"law": "coulomb", "coefficient": 0.3}
 BLOCK = {"generator": "rectangle", "parameters": {"length": 1.0, "height": 0.5, "nx": 8, "ny": 4}}
@@ -30,7 +29,7 @@ def cycle(up="y", **entries):
     assert all(step.certificate.holds for step in solution.steps)
     # What may take many linear solves is not tried for what round-off alone says.
     events = map(str, solution.history.events)
-    assert not any(INTERIOR_POINT in event for event in events)
+    assert not any("interior point" in event for event in events)
     return solution.steps
 
 

@@ -16,7 +16,7 @@ from scenes import example1, same_answer
 from spaces import LAWS, block, box
 from two_bodies import paraboloids
 
-from signorini_fx.algebra.linalg import blocks, callbacks, factorisation, kernels, krylov
+from signorini_fx.algebra.linalg import blocks, factorisation, kernels, krylov, petsc_calls
 from signorini_fx.errors import MachineError
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness, block_stiffness
 from signorini_fx.mechanics.body import elastic_body
@@ -180,7 +180,7 @@ def test_a_factor_of_blocks(symmetric, regular):
         x, right = matrix.createVecs()
         right.set(1.0)
         try:
-            callbacks.solve(ksp.solve, right, x)
+            petsc_calls.solve(ksp.solve, right, x)
             results.append((ksp.getConvergedReason(), ksp.getPC().getFailedReason(), x.array.copy()))
         except PETSc.Error as error:
             results.append((error.ierr, None, None))

@@ -11,9 +11,8 @@ from petsc4py import PETSc
 from scenes import example1
 
 from signorini_fx import ConvergenceError, solve_to_accuracy
-from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.linalg.full import FullSystem
-from signorini_fx.algebra.linalg.petsc_c import memory_ended
+from signorini_fx.algebra.linalg.petsc_calls import called_back, memory_ended
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Status
@@ -36,7 +35,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.factorisation import FACTOR_DEFAULTS, use_factorisation
-from signorini_fx.algebra.linalg.petsc_c import factor_lacks_memory, memory_ended, unprinted
+from signorini_fx.algebra.linalg.petsc_calls import factor_lacks_memory, memory_ended, unprinted
 
 def solver(size, sign, symmetric):
     entries = np.full((size, size), 0.5)

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from scenes import example1
 
+from signorini_fx.algebra import regularised
 from signorini_fx.algebra.algorithms import ssn
-from signorini_fx.algebra.linalg import callbacks, multigrid, schur
-from signorini_fx.algebra.problem import regularised
+from signorini_fx.algebra.linalg import multigrid, petsc_calls, schur
 from signorini_fx.machine import signals
 from signorini_fx.machine.manifest import MANIFEST
 from signorini_fx.results import files
@@ -141,7 +141,7 @@ def test_an_exception(place, tmp_path, monkeypatch):
     with pytest.raises(Enough) as caught:
         solver.solve(scene)
     assert caught.value.__context__ is None
-    assert not callbacks._raised
+    assert not petsc_calls._raised
     assert solver.solve(scene).converged
 
 

@@ -57,12 +57,12 @@ def main(kind, algorithm, law, value, out):
     """Solve it, and store the state of the contact points from left to right."""
     from from_scipy import from_scipy, task_of
 
+    from signorini_fx.algebra import Settings
     from signorini_fx.algebra.algorithms.strategy import solve_task
     from signorini_fx.algebra.contact.friction import PointFriction
     from signorini_fx.algebra.linalg.condensed import CondensedSystem
     from signorini_fx.algebra.linalg.full import FullSystem
     from signorini_fx.algebra.linalg.krylov import KrylovSystem
-    from signorini_fx.algebra.method import Settings
 
     stiffness, load, operator, weight, gap, prescribed, modes = matrices()
     elasticity, motions = from_scipy(stiffness, load, operator, weight, prescribed=prescribed, modes=modes)

@@ -49,7 +49,6 @@ LAYERS = (
     "mechanics.laws",
     "mechanics.statement",
     "algebra.algorithms",
-    "algebra.problem",
     "algebra.linalg",
     "algebra.contact",
     "algebra",
@@ -59,7 +58,7 @@ LAYERS = (
     "ground",
 )
 # The packages that solve a contact problem given by matrices: they import nothing of those above them.
-CORE = ("algebra.algorithms", "algebra.problem", "algebra.linalg", "algebra.contact")
+CORE = ("algebra.algorithms", "algebra", "algebra.linalg", "algebra.contact")
 BESIDE = {
     "scenes.cli": ("__main__",),
     "mechanics.body": ("mechanics.model",),

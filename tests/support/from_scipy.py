@@ -10,12 +10,12 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
 from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
-from signorini_fx.algebra.method import Settings
 from signorini_fx.records import History
 from signorini_fx.tuned import SAME_NUMBER
 

@@ -34,9 +34,9 @@ from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.contact.state import PointState
-from signorini_fx.algebra.linalg import ElasticSystem, callbacks, petsc_options
-from signorini_fx.algebra.linalg.petsc_c import unprinted
-from signorini_fx.algebra.problem.regularised import ContactTangent
+from signorini_fx.algebra.linalg import ElasticSystem, petsc_calls, petsc_options
+from signorini_fx.algebra.linalg.petsc_calls import unprinted
+from signorini_fx.algebra.regularised import ContactTangent
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS, SAME_NUMBER
@@ -227,7 +227,7 @@ class TransposedTangent:
         self.system.keep_factor(self.ksp, False, forces, exact=True)
         x.set(0.0)
         with petsc_options.defaults(self.system.solver_defaults), unprinted():
-            callbacks.solve(self.ksp.solveTranspose if self._as_it_is else self.ksp.solve, right, x)
+            petsc_calls.solve(self.ksp.solveTranspose if self._as_it_is else self.ksp.solve, right, x)
         if self.ksp.getConvergedReason() < 0:
             raise SignoriniError("the linear solver has failed for the tangent at the solution: there is no derivative")
 

@@ -14,7 +14,7 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
 from signorini_fx.algebra.contact.statics import largest_multiple, no_balance, reactions
-from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.algebra.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import AUTOMATIC_GAMMA, CERTIFICATE_TOLERANCE, CONTINUATION_SHARE

@@ -43,7 +43,7 @@ from signorini_fx.algebra.contact.complementarity import (
 )
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length
 from signorini_fx.algebra.linalg import finite, petsc_options
-from signorini_fx.algebra.linalg.petsc_c import factor_lacks_memory, unprinted
+from signorini_fx.algebra.linalg.petsc_calls import factor_lacks_memory, unprinted
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import (

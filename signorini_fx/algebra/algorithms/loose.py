@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.motions import FreeMotions
-from signorini_fx.algebra.problem.regularised import SoftSprings
+from signorini_fx.algebra.regularised import SoftSprings
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import NO_FORCE

@@ -27,7 +27,7 @@ from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets, tangent
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
-from signorini_fx.algebra.linalg import callbacks
+from signorini_fx.algebra.linalg import petsc_calls
 from signorini_fx.records import Status
 from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE
 
@@ -97,7 +97,7 @@ def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
     # A Krylov method ends by the size of the forces of the problem; this right-hand side has another size.
     tolerances = ksp.getTolerances()
     ksp.setTolerances(rtol=NEGLIGIBLE, atol=0.0)
-    callbacks.solve(ksp.solve, force, x)
+    petsc_calls.solve(ksp.solve, force, x)
     ksp.setTolerances(*tolerances)
     return x
 

@@ -11,14 +11,21 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier, transmitting
 from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc, project, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
-from signorini_fx.algebra.linalg import callbacks, finite, petsc_options
-from signorini_fx.algebra.linalg.callbacks import called_back, weakly
-from signorini_fx.algebra.linalg.petsc_c import call, factor_lacks_memory, memory_ended, unlock, unprinted
-from signorini_fx.algebra.method import INTERIOR_POINT, Settings
-from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.algebra.linalg import finite, petsc_calls, petsc_options
+from signorini_fx.algebra.linalg.petsc_calls import (
+    call,
+    called_back,
+    factor_lacks_memory,
+    memory_ended,
+    unlock,
+    unprinted,
+    weakly,
+)
+from signorini_fx.algebra.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status
 from signorini_fx.tuned import (
@@ -170,7 +177,7 @@ class SemismoothNewton:
         from signorini_fx.algebra.algorithms.interior_point import interior_point
 
         start = self.checkpoint()
-        self.history.add(f"{failed.value}: {INTERIOR_POINT}")
+        self.history.add(f"{failed.value}: interior point")
         if interior_point(self, replace(data, sigma=np.inf), measure) is Status.CONVERGED:
             return Status.CONVERGED
         self.lost = True
@@ -317,7 +324,7 @@ class SemismoothNewton:
         return True
 
     def _iterate(self) -> Status:
-        callbacks.solve(self.snes.solve, None, self.x)
+        petsc_calls.solve(self.snes.solve, None, self.x)
         return self._status or self._reason()
 
     def checkpoint(self) -> Checkpoint:

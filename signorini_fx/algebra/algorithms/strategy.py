@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from petsc4py import PETSc
 
+from signorini_fx.algebra import step_limit
 from signorini_fx.algebra.algorithms.augmentation import augmented_lagrangian, with_enough_digits
 from signorini_fx.algebra.algorithms.coulomb import (
     augmentation_on,
@@ -32,10 +33,12 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.contact.statics import no_balance
-from signorini_fx.algebra.method import AUGMENTED, FIXED_POINT, MONOLITHIC, step_limit
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.tuned import CONTINUATION_SHARE, GAMMA_GROWTH, LARGEST_GAMMA, NO_FORCE, START_GAMMA
+
+# What is tried with Coulomb friction, as the history names it.
+FIXED_POINT, MONOLITHIC, AUGMENTED = "fixed point", "monolithic Newton", "augmented Lagrangian"
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:

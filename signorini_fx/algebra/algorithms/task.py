@@ -11,17 +11,16 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets, slip_multiplier
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.motions import FreeMotions
+from signorini_fx.algebra.contact.motions import FreeMotions, ReferenceMotion, reference_motion
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.contact.reference_motion import ReferenceMotion, reference_motion
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.algebra.method import Settings
-from signorini_fx.algebra.problem.regularised import RegularisedProblem
+from signorini_fx.algebra.regularised import RegularisedProblem
 from signorini_fx.records import History, Status
 
 

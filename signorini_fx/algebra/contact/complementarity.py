@@ -25,9 +25,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
-from signorini_fx.algebra.method import Settings
 from signorini_fx.tuned import AUTOMATIC_GAMMA, SAME_NUMBER
 
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, petsc_options, row_by_row
-from signorini_fx.algebra.linalg.callbacks import called_back
+from signorini_fx.algebra.linalg.petsc_calls import called_back
 
 if TYPE_CHECKING:
     from signorini_fx.algebra.linalg.kernels import BlockProduct

@@ -9,7 +9,7 @@ from functools import cache
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.linalg.petsc_calls import call
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import FACTOR_ENTRIES, MEMORY_SHARE, MOST_CONDENSED_UNKNOWNS
 

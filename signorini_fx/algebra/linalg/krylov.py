@@ -17,7 +17,6 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.blocks import is_by_blocks, use_entries
-from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.algebra.linalg.factorisation import (
     FACTOR_DEFAULTS,
@@ -29,7 +28,7 @@ from signorini_fx.algebra.linalg.factorisation import (
 )
 from signorini_fx.algebra.linalg.full import AssembledSystem
 from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
-from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.linalg.petsc_calls import call, called_back, weakly
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import ATTAINABLE_SHARE, INEXACT_TOLERANCE, KRYLOV_STEPS, LEFT_BY_SOLVES, ZERO_COMPONENT
 

@@ -27,10 +27,9 @@ from petsc4py import PETSc
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg import petsc_options, row_by_row
 from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks, rough
-from signorini_fx.algebra.linalg.callbacks import called_back
 from signorini_fx.algebra.linalg.elasticity import Level
 from signorini_fx.algebra.linalg.factorisation import use_direct
-from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.linalg.petsc_calls import call, called_back
 from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
 from signorini_fx.algebra.linalg.truncation import NodalBlocks, TruncatedLevels
 from signorini_fx.machine import parallel

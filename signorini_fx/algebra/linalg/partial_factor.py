@@ -21,7 +21,7 @@ from petsc4py import PETSc
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from signorini_fx.algebra.linalg.petsc_c import call
+from signorini_fx.algebra.linalg.petsc_calls import call
 from signorini_fx.tuned import SAME_LENGTH
 
 Array = npt.NDArray[np.float64]

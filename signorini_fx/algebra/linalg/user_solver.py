@@ -15,9 +15,9 @@ from typing import Protocol
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.callbacks import called_back, weakly
 from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.algebra.linalg.full import AssembledSystem
+from signorini_fx.algebra.linalg.petsc_calls import called_back, weakly
 from signorini_fx.extensions import LINEAR_SOLVERS, load
 from signorini_fx.tuned import KRYLOV_STEPS, LEFT_BY_SOLVES, NO_FORCE, ZERO_COMPONENT
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.algebra.method import Settings
+from signorini_fx.algebra import Settings
 from signorini_fx.forms.given_forms import Facets, conditions_of
 from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem

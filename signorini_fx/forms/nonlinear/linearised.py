@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.loose import idle, untouched
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets
@@ -27,7 +28,6 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
-from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import conditions_of, given_forms, settings_of

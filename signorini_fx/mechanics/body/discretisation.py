@@ -14,8 +14,8 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import compat, parallel

@@ -12,9 +12,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
-from signorini_fx.algebra.method import Settings
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from signorini_fx.algebra.method import Settings
+from signorini_fx.algebra import Settings
 from signorini_fx.extensions import LINEAR_SOLVERS, names_of
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.values import (

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from signorini_fx.algebra.algorithms.path_following import path_model
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Task
-from signorini_fx.algebra.linalg import callbacks, petsc_options
+from signorini_fx.algebra.linalg import petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
@@ -95,7 +95,7 @@ def make_ready(newton: SemismoothNewton) -> None:
         problem.assemble_jacobian(newton.snes, newton.x, jacobian)
         problem.factorised(jacobian)
         with petsc_options.defaults(problem.system.solver_defaults):
-            callbacks.solve(newton.snes.getKSP().setUp)
+            petsc_calls.solve(newton.snes.getKSP().setUp)
 
 
 def _root_of_weight(table: ContactTable) -> float:

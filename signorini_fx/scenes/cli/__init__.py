@@ -147,7 +147,7 @@ def _explained(error: Exception) -> object:
         return _OUT_OF_MEMORY if isinstance(error, MemoryError) else None
     from petsc4py import PETSc
 
-    from signorini_fx.algebra.linalg.petsc_c import memory_ended
+    from signorini_fx.algebra.linalg.petsc_calls import memory_ended
     from signorini_fx.algebra.linalg.petsc_options import refused
 
     if memory_ended(error):

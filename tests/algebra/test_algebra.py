@@ -68,10 +68,10 @@ def test_another_load_on_the_same_factor(kind):
 
     from from_scipy import from_scipy, task_of
 
+    from signorini_fx.algebra import Settings
     from signorini_fx.algebra.algorithms.strategy import solve_task
     from signorini_fx.algebra.linalg.condensed import CondensedSystem
     from signorini_fx.algebra.linalg.full import FullSystem
-    from signorini_fx.algebra.method import Settings
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
     make = {"full": FullSystem, "condensed": CondensedSystem}[kind]

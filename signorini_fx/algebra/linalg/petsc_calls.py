@@ -1,19 +1,28 @@
-"""Functions of PETSc that petsc4py has no binding for, called in C, and its variables; and why a linear solve has
-failed: memory that has ended is told from a matrix that is singular.
+"""Calls from us to PETSc and back: functions in C that petsc4py has no binding for, and functions of ours that PETSc
+calls; and why a linear solve has failed: memory that has ended is told from a matrix that is singular.
 
-They are looked up in petsc4py's own library, hence in the same PETSc that petsc4py uses.
+Those in C are looked up in petsc4py's own library, hence in the same PETSc that petsc4py uses.
+
+What a function raises that PETSc calls ends the solve, and is raised again when PETSc has returned.  An exception that
+passes through PETSc becomes an error code there, which may come back as another exception or as none; so the first one
+is kept.  PETSc holds bound methods weakly: petsc4py stores what it calls in the PETSc object, where Python's collector
+of cycles sees it only in some builds, and a solver that PETSc holds would never be freed.
 """
 
 from __future__ import annotations
 
 import ctypes
+import gc
 import re
-from collections.abc import Iterator
+import weakref
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
-from typing import Any
+from functools import cache, wraps
+from typing import Any, ParamSpec, TypeVar
 
 from petsc4py import PETSc
+
+from signorini_fx.machine import signals
 
 _OUT_OF_MEMORY, _IN_LIBRARY = 55, 76  # PETSC_ERR_MEM, PETSC_ERR_LIB
 # What PETSc says of CHOLMOD, whose numbers below 0 are errors: -2 out of memory, -3 integer overflow by the size.
@@ -81,3 +90,57 @@ def unprinted() -> Iterator[None]:
         yield
     finally:
         printer.value = usual
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+_raised: list[BaseException] = []
+
+
+def called_back(function: Callable[P, T]) -> Callable[P, T]:
+    """Mark a function that PETSc calls during a solve."""
+
+    @wraps(function)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            if signals.arrived:
+                signals.serve()
+            return function(*args, **kwargs)
+        except BaseException as error:
+            _raised.append(error)
+            gc.disable()  # Python loses an exception that passes through C while garbage is collected, and crashes
+            raise
+
+    return guarded
+
+
+def weakly(method: Callable[..., T]) -> Callable[..., T]:
+    """A bound method for PETSc to call, which does not keep its object."""
+    held = weakref.WeakMethod(method)
+
+    def alive(*args: Any, **kwargs: Any) -> T:
+        bound = held()
+        assert bound is not None, "PETSc calls a solver that is gone"
+        return bound(*args, **kwargs)
+
+    return alive
+
+
+def solve(solver: Callable[..., object], *arguments: Any) -> None:
+    """Call a solver of PETSc that calls back, such as ``snes.solve``; the first exception that a function raised that
+    PETSc called is raised.
+    """
+    _raised.clear()
+    collecting = gc.isenabled()
+    with signals.deferred():
+        try:
+            solver(*arguments)
+        except BaseException:
+            if not _raised:
+                raise
+        finally:
+            if collecting:
+                gc.enable()
+    if _raised:
+        del _raised[1:]
+        raise _raised.pop()

@@ -1,7 +1,8 @@
 """The regularised contact problem (3.3) as SNES callbacks: residual, and active-set Jacobian A + B^T D B.
 
 (3.3b), the contact pressure, is in ``algebra.contact.complementarity``, (3.3c), the friction, in
-``algebra.contact.active_sets``.
+``algebra.contact.active_sets``.  A problem must not know which kind of elastic system it is given, or which algorithm
+evaluates its residual.
 """
 
 from __future__ import annotations
@@ -12,12 +13,15 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
+import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.active_sets import (
     ActiveSets,
     classify,
+    hold,
+    holds,
     law_residual,
     linearised,
     multipliers,
@@ -30,11 +34,10 @@ from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.points import ContactPoints, shares
-from signorini_fx.algebra.contact.stabilised_sets import hold, holds
 from signorini_fx.algebra.contact.statics import Escape, no_balance
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.blocks import change_added, is_by_blocks, with_added
-from signorini_fx.algebra.linalg.callbacks import called_back
+from signorini_fx.algebra.linalg.petsc_calls import called_back
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import ATTAINABLE_SHARE, NO_FORCE

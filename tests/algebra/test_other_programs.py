@@ -8,11 +8,11 @@ from from_scipy import from_scipy, task_of
 from scenes import alone
 from spaces import box
 
+from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.full import FullSystem
-from signorini_fx.algebra.method import Settings
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
