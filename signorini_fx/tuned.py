@@ -191,12 +191,12 @@ BULK = (0.5, 0.75)
 SOLVES_PER_DOUBLING = (0.7, 3.0)
 # Linear solves that start from the sets of the previous load step, or of the coarser mesh, from and to.  No record.
 SOLVES_OF_START = (2, 5)
-# Entries of a sparse factor by dimension: n times the larger of the first and, in 2D, the second times (log2 n -
-# the third), in 3D the second times n^third.  Seconds of the factorisation: the first times n and the second times
-# n^1.5, in 3D n^2.  Nested dissection.
+# Entries of a sparse factor by dimension, over n log2 n, in 3D over n^(4/3): nested dissection.  Seconds of the
+# factorisation over n^1.5, in 3D n^2, and of what else there is, solves included, over n.
 # Tuned with CHOLMOD and MUMPS on one core; test_cost_model.py compares those of the plane with MUMPS's counts.
-FACTOR_ENTRIES = {2: (15.0, 7.6, 5.1), 3: (40.0, 9.0, 1 / 3)}
-FACTOR_SECONDS = {2: (1e-6, 3e-9), 3: (1e-6, 4e-10)}
+FACTOR_ENTRIES = {2: 5.0, 3: 9.0}
+FACTOR_SECONDS = {2: 3e-9, 3: 4e-10}
+SOLVE_SECONDS = 1e-6
 # Dense Cholesky, operations a second.  No record.
 DENSE_SPEED = 2e10
 # Seconds per unknown to set up multigrid, and of a solve, of which few are exact.  Between those with coarser meshes as

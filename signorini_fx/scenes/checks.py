@@ -44,6 +44,7 @@ from signorini_fx.tuned import (
     NEXT_ERROR,
     NO_FORCE,
     PAIRED_BYTES,
+    SOLVE_SECONDS,
     SOLVES_OF_START,
     SOLVES_PER_DOUBLING,
 )
@@ -98,8 +99,7 @@ def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
 
 def factorisation_seconds(unknowns: float, dimension: int) -> float:
     """Of one sparse factorisation."""
-    linear, faster = FACTOR_SECONDS[dimension]
-    return linear * unknowns + faster * unknowns ** (1.5 if dimension == 2 else 2.0)
+    return SOLVE_SECONDS * unknowns + FACTOR_SECONDS[dimension] * unknowns ** (1.5 if dimension == 2 else 2.0)
 
 
 def estimated_cost(model: Model) -> Cost:
@@ -123,7 +123,7 @@ def estimated_cost(model: Model) -> Cost:
         dense = dim * nodes
         once, per_solve = factorisation, dense**3 / 3 / DENSE_SPEED
     elif model.boundary is None:
-        reason, once, per_solve = "one factorisation for all load steps", factorisation, FACTOR_SECONDS[dim][0] * n
+        reason, once, per_solve = "one factorisation for all load steps", factorisation, SOLVE_SECONDS * n
     else:
         once, per_solve = 0.0, factorisation
     if model.statement.nonlinear:  # each linear solve has a factorisation

@@ -138,7 +138,7 @@ def against_condensing(size: SystemSize) -> str | None:
     if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
         return f"only {size.unknowns} unknowns"
     # A sparse factorisation takes operations in proportion to n^1.5 in 2D and n^2 in 3D, a dense one n^3 / 3.
-    sparse = DENSE_SPEED * FACTOR_SECONDS[size.dimension][1] * size.unknowns ** (3 - 3 / size.dimension)
+    sparse = DENSE_SPEED * FACTOR_SECONDS[size.dimension] * size.unknowns ** (3 - 3 / size.dimension)
     border = round((size.comm.size - 1) * math.sqrt(2 * size.unknowns))  # straight cuts through a square
     if (retained + border) ** 3 / 3 > sparse or retained > MOST_CONDENSED_UNKNOWNS:
         between = f" and about {border} between ranks" if border else ""

@@ -55,9 +55,7 @@ def can_factorise(comm: MPI.Comm) -> bool:
 
 def factor_entries(unknowns: int, dimension: int) -> float:
     """Entries of a sparse factor: n log n in two dimensions, n^(4/3) in three (nested dissection)."""
-    least, slope, offset = FACTOR_ENTRIES[dimension]
-    growing = slope * (math.log2(unknowns) - offset) if dimension == 2 else slope * unknowns**offset
-    return unknowns * max(least, growing)
+    return FACTOR_ENTRIES[dimension] * unknowns * (math.log2(unknowns) if dimension == 2 else unknowns ** (1 / 3))
 
 
 def factor_memory(unknowns: int, dimension: int) -> float:
