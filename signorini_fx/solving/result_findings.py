@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.algebra.algorithms.loose import idle
-from signorini_fx.algebra.algorithms.loose import untouched as without_contact
+from signorini_fx.algebra.algorithms.strategy import idle
+from signorini_fx.algebra.algorithms.strategy import untouched as without_contact
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import compat, parallel

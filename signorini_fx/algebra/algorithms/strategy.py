@@ -25,7 +25,6 @@ from signorini_fx.algebra.algorithms.coulomb import (
     proved,
 )
 from signorini_fx.algebra.algorithms.fp import fixed_point
-from signorini_fx.algebra.algorithms.loose import UNEXPLAINED, idle, near_the_last_place
 from signorini_fx.algebra.algorithms.ssn import Checkpoint
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
@@ -33,12 +32,25 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.contact.statics import no_balance
+from signorini_fx.algebra.regularised import SoftSprings
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.tuned import CONTINUATION_SHARE, GAMMA_GROWTH, LARGEST_GAMMA, NO_FORCE, START_GAMMA
 
 # What is tried with Coulomb friction, as the history names it.
 FIXED_POINT, MONOLITHIC, AUGMENTED = "fixed point", "monolithic Newton", "augmented Lagrangian"
+
+# Outcomes that do not say why there is no solution: it may be that a body lies loose.
+_UNEXPLAINED = (
+    Status.OPEN,
+    Status.MAX_ITERATIONS,
+    Status.OUTER_MAX_ITERATIONS,
+    Status.CYCLING,
+    Status.SLIDES_AT_PRESSURES,
+    Status.SINGULAR,
+    Status.LINEAR_SOLVER,
+    Status.ROUND_OFF,
+)
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
@@ -62,7 +74,7 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
     start = _first_loaded(task, start)
     begin, waits = task.newton.checkpoint(), start.several or start.step > 0
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
-    if lost is not None and not (waits and lost.assembly in idle(task)):
+    if lost is not None and not (waits and lost.assembly in task.idle):
         return _without_contact(task, start.data, lost.status)
     if lost is None:
         with task.history.at_most(step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget):
@@ -71,7 +83,7 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
                 task.history.add("all methods together have taken as many linear solves as they may")
     else:
         outcome = _without_contact(task, start.data, lost.status)
-    loose = outcome.status in UNEXPLAINED and idle(task)
+    loose = outcome.status in _UNEXPLAINED and task.idle
     return _left_loose(task, start, begin, outcome, waits=waits) if loose else outcome
 
 
@@ -83,7 +95,7 @@ def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *,
     ended = newton.checkpoint()
     newton.restore(begin)
     with task.history.at_most(step_limit(task.settings.max_iterations)):
-        loose = near_the_last_place(task, start, _solve)
+        loose = _near_the_last_place(task, start)
     if loose is None:
         newton.restore(ended)
         return failed
@@ -91,6 +103,61 @@ def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *,
         return loose
     task.history.add(f"{failed.status.value}: nothing presses on a body, which can move without touching anything")
     return replace(loose, status=Status.OPEN)
+
+
+def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
+    """The solution nearest to the iterate of the task, without tractions where bodies lie loose; None: none is found;
+    collective.
+
+    Their loads balance each other, and contact need not press on them: they are in equilibrium without any traction in
+    many places, so that no method finds one.  Springs at the contact points, far softer than the body, lead from the
+    last place to the nearest one, where they carry nothing: each solve is one step of the proximal point method
+    (R. T. Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898).
+    """
+    motions, newton, comm = task.motions, task.newton, task.motions.points.comm
+    numbers, law = task.idle, start.law
+    without_load = np.isin(motions.of_point, numbers)
+    if law is not None:
+        law = law.without_pressure(without_load)
+        start = replace(start, law=law, data=replace(start.data, bound=law.given))
+    held = replace(
+        task,
+        motions=replace(motions, relative=motions.relative[:, :, :0], assembly=motions.assembly[:0]),
+        has_coulomb=law is not None and parallel.any_rank(comm, law.follows_pressure),
+        settings=replace(task.settings, algorithm="ssn"),
+    )
+    start, problem = replace(start, factors=None), held.newton.problem
+    held.newton.begin_at(newton.x)
+    position = np.column_stack(problem.system.contact.traces(newton.x))
+    farthest, moved = parallel.largest(comm, np.abs(position), 0.0), np.inf
+    while True:
+        problem.springs = SoftSprings(NO_FORCE * task.natural_gamma, position)
+        outcome, last_position = _solve(held, start), position
+        if outcome.status not in (Status.CONVERGED, Status.ROUND_OFF):  # the springs may carry no more than that
+            return None
+        position = np.column_stack(problem.system.contact.traces(outcome.newton.x))
+        size = parallel.largest(comm, np.abs(position), 0.0)
+        farthest = max(farthest, size)
+        last_moved, moved = moved, parallel.largest(comm, np.abs(position - last_position), 0.0)
+        if moved <= NO_FORCE * size:
+            break
+        if 2 * moved > last_moved:  # loads drive a body, or round-off of lengths over the share of the springs does
+            if moved > task.coordinate_error / NO_FORCE:
+                return None
+            break
+        start = start.begin_from(outcome.problem.sets, outcome.newton.multipliers())
+    (x, sets, data), tractions = outcome.newton.checkpoint(), np.column_stack(outcome.newton.multipliers())
+    assert data is not None
+    pressed = np.abs(tractions).max(axis=1) > NO_FORCE * task.natural_gamma * farthest
+    loose = np.isin(motions.of_point, motions.untouched(numbers, pressed))
+    if task.has_coulomb and parallel.any_rank(comm, bool((without_load & ~loose).any())):
+        return None
+    system, reached = problem.system, x.norm(PETSc.NormType.NORM_INFINITY)
+    if system.load.norm() == system.start.norm() == 0.0 and reached <= NO_FORCE * farthest:  # round-off of the way back
+        x.set(0.0)
+    newton.restore((x, replace(sets, contact=sets.contact & ~(loose & ~data.bilateral)), data))
+    regularised = task.settings.algorithm == "alm"
+    return replace(outcome, status=Status.CONVERGED, newton=newton, regularised=regularised)
 
 
 def _solve(task: Task, start: Start) -> Outcome:

@@ -182,6 +182,11 @@ class Task:
         """The same with an unsymmetric tangent, on the same iterate."""
         return SemismoothNewton(self.newton.problem, self.newton.x, self.settings, self.history, symmetric=False)
 
+    @property
+    def idle(self) -> list[int]:
+        """The numbers of the assemblies that can move, and whose loads balance each other."""
+        return [number for number, columns in self.motions.assemblies if not self.system.resultant[columns].any()]
+
     def begin_step(self, start: Start) -> None:
         """Apply the loads and prescribed displacements of a load step to the current iterate."""
         self.newton.lost = False

@@ -116,6 +116,13 @@ class FreeMotions:
             unresisted[number] = not (real and values[0] > ROOT_OF_EPS * values[-1] > 0)
         return unresisted
 
+    def untouched(self, numbers: Sequence[int], pressed: npt.NDArray[np.bool_]) -> list[int]:
+        """Which of these assemblies have no contact point with tractions; ``pressed``: which points have, shape (n,);
+        collective.
+        """
+        comm, of = self.points.comm, self.of_point
+        return [number for number in numbers if not parallel.any_rank(comm, bool(pressed[of == number].any()))]
+
     @cached_property
     def _assembly_count(self) -> int:
         """How many assemblies this rank knows of, those that cannot move included."""

@@ -20,7 +20,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra import Settings
-from signorini_fx.algebra.algorithms.loose import idle, untouched
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
@@ -543,7 +542,7 @@ class LinearisedProblem(FormSolver):
         try:
             why = self.attempt()
             curved = bool(self.curvature.nodes.size or self.curvature.joint)
-            if self.status is Status.OPEN and idle(self.task) and parallel.any_rank(self.space.mesh.comm, curved):
+            if self.status is Status.OPEN and self.task.idle and parallel.any_rank(self.space.mesh.comm, curved):
                 # What nothing presses on any more has no tractions that turn.
                 self.curvature = NodalStiffness.none(self.curvature.blocks.shape[1])
                 why = self.attempt()
@@ -675,7 +674,7 @@ class LinearisedProblem(FormSolver):
         """The numbers of the assemblies that nothing presses on in the last outcome; collective."""
         task, state = self.task, self.state
         pressed = np.asarray(np.column_stack((state.pressure, state.shear)).any(axis=1))
-        return untouched(task.motions, idle(task), pressed)
+        return task.motions.untouched(task.idle, pressed)
 
     def internal(self, displacement: fem.Function) -> tuple[Array, Array, float]:
         """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned dofs,), and the work
