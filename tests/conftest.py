@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import functools
 import gc
 import io
 import os
@@ -12,6 +13,9 @@ import time
 
 # Read where MPI starts: ranks that wait let others have the core.
 os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
+
+if (3, 13) <= sys.version_info < (3, 13, 3):  # where a method that is chosen by a type keeps meshes of UFL for ever
+    functools.singledispatchmethod.__set_name__ = lambda method, *_: setattr(method, "_method_cache", None)
 
 from mpi4py import MPI  # first, see signorini_fx.mechanics.body
 
