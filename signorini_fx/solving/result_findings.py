@@ -10,8 +10,6 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.algebra.algorithms.strategy import idle
-from signorini_fx.algebra.algorithms.strategy import untouched as without_contact
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import compat, parallel
@@ -175,11 +173,9 @@ def explained(body: Model, task: Task, outcome: Outcome, when: str) -> Finding |
     """
     if outcome.status is not Status.OPEN:
         return None
-    loose = idle(task)
+    loose = task.idle
     if len(loose) < len(task.motions.assemblies):  # what a load moves away lies beside them
-        loose = without_contact(
-            task.motions, loose, np.asarray(np.column_stack(outcome.newton.multipliers()).any(axis=1))
-        )
+        loose = task.motions.untouched(loose, np.asarray(np.column_stack(outcome.newton.multipliers()).any(axis=1)))
     if not loose:
         return None
     message = (
@@ -195,7 +191,7 @@ def loose_in(body: ElasticBody, step: StepResult) -> list[int]:
     if step.contact is None or not motions.count:
         return []
     pressed = np.asarray(np.column_stack((step.contact.pressure, step.contact.shear)).any(axis=1))
-    return without_contact(motions, [number for number, _ in motions.assemblies], pressed)
+    return motions.untouched([number for number, _ in motions.assemblies], pressed)
 
 
 def loose_at_rest(
