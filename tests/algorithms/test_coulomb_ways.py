@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 from scenes import alone, example1, one_triangle
 
-from signorini_fx.algebra import method
+from signorini_fx import algebra as method
 from signorini_fx.algebra.algorithms import coulomb as coulomb_module
 from signorini_fx.algebra.algorithms import strategy
 from signorini_fx.mechanics.body.discretisation import discretise

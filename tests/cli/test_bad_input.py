@@ -271,17 +271,15 @@ def xdmf(tmp_path):
 @pytest.mark.parametrize(
     ("named", "message"),
     [
-        ("pipe.h5", "no regular file 'pipe.h5'"),
-        ("absent.h5", "no regular file 'absent.h5'"),
+        ("absent.h5", "meshio cannot read it as xdmf"),
         ("/etc/passwd", "meshio cannot read it as xdmf"),
         ("endless.h5", "meshio cannot read it as xdmf: Unable to allocate"),
     ],
 )
 def test_xdmf(tmp_path, xdmf, named, message):
-    """Data are in a regular file that holds them."""
+    """Data are in a file that holds them."""
     import h5py
 
-    os.mkfifo(tmp_path / "pipe.h5")
     with h5py.File(tmp_path / "endless.h5", "w") as file:
         file.create_dataset("data0", shape=(10**12, 2), chunks=(1000, 2), dtype=float)
     with pytest.raises(MeshError, match=message):

@@ -183,7 +183,7 @@ def test_a_path_without_a_first_step(law, tmp_path):
     assert "there is no solution before it; a step to" in findings[0]
     folder = MPI.COMM_WORLD.bcast(str(tmp_path))
     assert write_results(solution, folder, pictures=False)["status"] == Status.LIMIT.value
-    with pytest.raises(ConvergenceError, match=r"(?s)step 1 \(lift, time 0.0039.*contact opens") as error:
+    with pytest.raises(ConvergenceError, match=r"(?s)step 1 \(lift, time 0.0078.*contact opens") as error:
         solve(scene)
     assert error.value.solution.status is Status.LIMIT
 

@@ -11,6 +11,7 @@ from scenes import example1
 
 from signorini_fx import ConvergenceError, solve_nested, solve_to_accuracy
 from signorini_fx.algebra.linalg import krylov
+from signorini_fx.forms import solver as form_solver
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import Status
 from signorini_fx.scenes.solver import solve
@@ -43,7 +44,8 @@ def ends_with(status, fails=lambda unknowns: unknowns > MOST):
             outcome = usual(task, *args)
             return replace(outcome, status=status) if fails(outcome.displacement().getSize()) else outcome
 
-        monkeypatch.setattr(load_steps, "solve_task", solved)
+        for module in (load_steps, form_solver):
+            monkeypatch.setattr(module, "solve_task", solved)
 
     return fault
 
