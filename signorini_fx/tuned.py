@@ -132,8 +132,8 @@ POLYGON_SHARES = {"energy": 0.04, "pressure": 0.15, "peak": 0.5}
 # here and there.  Tuned on bodies in 3D with random loads: 0.09 to 0.29; where displacements press it is 0.4 to 3.
 FORCE_OF_ENERGY = 0.12
 # The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, each
-# finer there by this factor, and hardly less (this share) on the last.  Fixed on the random scenes, seed 1.
-FINER_FACTOR, GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 1.3, 2, 0.05, 0.6
+# finer there by ``SMALLEST_JUMP``, and hardly less (this share) on the last.  Fixed on the random scenes, seed 1.
+GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 2, 0.05, 0.6
 # An error that decreases by less than this from mesh to mesh is taken not to decrease at all.  Choice.
 SLOWEST_DECREASE = 0.95
 # Sparse factors, by dimension: in 2D time between n for all else and n^1.5, memory n log n; in 3D time
@@ -422,8 +422,6 @@ UNITS_OF_PLACES = 10.0
 # A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
 # unequal lengths it is no exact zero.  Choice.
 CLOSED_BOUNDARY = 0.01
-# A place so many facets away from a vertex is beside it.  Choice.
-BESIDE_VERTEX = 1.01
 # Angles within a body that differ by less than these degrees are equal.  Choice.
 SAME_ANGLE = 1.0
 

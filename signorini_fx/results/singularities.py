@@ -6,9 +6,6 @@ like a negative power of the distance if the angle within the body is large enou
 Where materials meet at the boundary it grows like a power again (Bogy, J. Appl. Mech. 38 (1971) 377-386): for most
 pairs of materials, a few are bounded and named all the same.
 
-At a node that is held or loaded alone it grows like the inverse of the distance, in 3D of its square (the
-solutions of Flamant and Boussinesq).
-
 Bodies that touch are judged one by one: at their contact boundaries only reentrant corners are named.
 """
 
@@ -23,12 +20,12 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
-from signorini_fx.machine import compat, parallel
+from signorini_fx.machine import compat
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.statement.effect import Force, InitialStrain
-from signorini_fx.tuned import BESIDE_VERTEX, CORNER_ANGLE, ROOT_OF_EPS, SAME_ANGLE
+from signorini_fx.mechanics.statement.effect import InitialStrain
+from signorini_fx.tuned import CORNER_ANGLE, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_ANGLE
 
 Array = npt.NDArray[np.float64]
 
@@ -67,7 +64,7 @@ _BOUNDED = {
 _CURVED = np.degrees(CORNER_ANGLE)
 
 
-def why_no_limit(body: Model, point: tuple[float, ...], step: float = 0.0) -> str | None:
+def why_no_limit(body: Model, point: tuple[float, ...]) -> str | None:
     """Why the stress at a place, or within one facet from it, has no limit; None if nothing is known; collective.
 
     Contact boundaries count as pressed, with friction as held.
@@ -75,14 +72,14 @@ def why_no_limit(body: Model, point: tuple[float, ...], step: float = 0.0) -> st
     facets = [
         facet for local_facets in body.comm.allgather(facets_near(body, np.array(point))) for facet in local_facets
     ]
-    reasons = [_at_a_single_node(body, np.array(point), step)]
+    reasons = []
     for facet_a, facet_b in combinations(facets, 2):
         if facet_a.piece != facet_b.piece:
             continue
         distance = np.linalg.norm(facet_a.vertices[:, None] - facet_b.vertices[None], axis=2)
         first, _ = np.nonzero(distance <= ROOT_OF_EPS * body.tagged.size)
         size = min(facet_a.size, facet_b.size)
-        near = np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= BESIDE_VERTEX * size
+        near = np.linalg.norm(facet_a.vertices[first] - point, axis=1) <= (1 + DIGITS_OF_FILES) * size
         if len(first) == body.tagged.dimension - 1 and near.any():
             reasons.append(_reason(facet_a, facet_b))
     return min((reason for reason in reasons if reason is not None), default=None)
@@ -113,24 +110,6 @@ def _boundaries(names: set[str]) -> str:
     return f"boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(sorted(names))}"
 
 
-def _at_a_single_node(body: Model, point: Array, step: float) -> str | None:
-    """Whether a node within a cell from a place is held or loaded alone; collective."""
-    statement, dim = body.statement, body.tagged.dimension
-    held = [np.array([support.at]) for support in statement.displacement if support.at is not None]
-    loads: list[Any] = [effect for effect in statement.of(Force) if effect.nodal and effect.acts]
-    nodes = {
-        "held alone": held,
-        "loaded alone": [np.array([load.at]) for load in loads if statement.now(load, step)[0]],
-    }
-    if not any(nodes.values()):
-        return None
-    reach = BESIDE_VERTEX * size_of_cells(body, point)
-    for how, places in nodes.items():
-        if any((np.linalg.norm(at[:, :dim] - point, axis=1) <= reach).any() for at in places):
-            return f"it is at a node that is {how}"
-    return None
-
-
 def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     """Exterior facets of this rank with a vertex within their size from a place."""
     mesh, dim = body.tagged.mesh, body.tagged.dimension
@@ -143,7 +122,7 @@ def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
     vertices = x[np.take_along_axis(nodes, corners[entities[:, 1]], axis=1)]
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
-    close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= BESIDE_VERTEX * size
+    close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= (1 + DIGITS_OF_FILES) * size
     facets = []
     for k in np.flatnonzero(close):
         middle = x[nodes[k][: len(basix.geometry(cell_type))]].mean(axis=0)
@@ -195,13 +174,3 @@ def _condition(body: Model, facet: int, normal: Array, corners: Array) -> tuple[
     clamped = still or np.linalg.matrix_rank(np.array(rows), tol=1e-6) == dim
     held = clamped or any(effect.friction.acts for effect in touching)
     return "held" if held else "guided", names, min(paired, default="")
-
-
-def size_of_cells(body: Model, point: Array) -> float:
-    """The largest diagonal of the cells with a vertex within theirs from a place, length; collective."""
-    mesh, dim = body.tagged.mesh, body.tagged.dimension
-    corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
-    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
-    vertices = x[compat.geometry_cells(mesh)[: mesh.topology.index_map(dim).size_local, :corners]]
-    size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
-    return parallel.largest(body.comm, size[np.linalg.norm(vertices - point, axis=2).min(axis=1) <= size])

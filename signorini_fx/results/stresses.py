@@ -317,7 +317,7 @@ class RawStresses(StressFields):
         reasons = dict[tuple[float, ...], str | None]()
         if finite and self.recovers:
             places = dict.fromkeys(entry.place for entry in extremes)
-            reasons = {point: why_no_limit(model, point, self.place) for point in places}
+            reasons = {point: why_no_limit(model, point) for point in places}
         regions = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
 
         def remark(extreme: Extreme) -> dict[str, Any]:

@@ -30,12 +30,12 @@ from signorini_fx.tuned import (
     CORNER_SHARE,
     EXPECTED_RATES,
     FEW_NODES,
-    FINER_FACTOR,
     GROWING_MESHES,
     GROWTH_POWER,
     KINK_SHARE,
     LASTING_SHARE,
     ROOT_OF_EPS,
+    SMALLEST_JUMP,
 )
 
 Floats = npt.NDArray[np.float64]
@@ -198,7 +198,7 @@ class _Place:
         spacing = np.array([_spacing(table)[row] for table, row in zip(tables, rows, strict=True)])
         meshes = [len(tables) - 1]
         for mesh in reversed(range(meshes[0])):
-            if spacing[mesh] >= FINER_FACTOR * spacing[meshes[0]]:
+            if spacing[mesh] >= SMALLEST_JUMP * spacing[meshes[0]]:
                 meshes.insert(0, mesh)
         return cls(rows[-1], corner, pressure[meshes], spacing[meshes])
 
