@@ -12,6 +12,7 @@ INSTEAD: dict[str, str] = {
     "TrescaFriction": "use Tresca",
     "mean_displacement_bounds": "use error_bound, or force_bounds at a boundary in contact",
     "solver.algorithm = exact": "use 'alm', which has the same limit",
+    "accuracy.certified": "set solver.error_bound = true: the summary has a guaranteed bound of the error",
     "solver.uniqueness": "signorini-fx check --verbose says below which friction coefficient there is one solution",
     "Box": "give solver.initial_contact a condition, such as '1 <= x[0] <= 2'",
     "mesh.contact_size": "write contact_size in each [[contact]]",

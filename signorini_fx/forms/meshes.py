@@ -162,8 +162,6 @@ def solve_to_accuracy(
     wrong = []
     if not first.estimable:
         wrong.append(("stress", "is needed for an accuracy: errors are estimated from stresses, without a measure"))
-    if accuracy.certified:
-        wrong.append(("accuracy.certified", "is for scenes: ask the result for error_bound"))
     if adaptive and made:
         wrong.append(("accuracy.refinement", "'adaptive' divides cells: give the coarsest mesh, not a function"))
     if adaptive and not first.augmentable and accuracy.of != "energy":

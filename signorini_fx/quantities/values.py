@@ -83,11 +83,10 @@ def afterwards(solution: Any) -> dict[str, Callable[[Any], Any]]:
     """The functions of those that the scene asks for and that are computed once the results stand, so that a failure is
     a warning.
     """
-    goal = solution.statement.accuracy
     functions: dict[str, Callable[[Any], Any]] = {}
     if solution.contact is not None:
         functions["friction_used"] = lambda solution: solution.friction_used
-    if solution.statement.solver.error_bound or (goal is not None and goal.certified):
+    if solution.statement.solver.error_bound:
         functions["error_bound"] = _error_bound
     functions["cost"] = _cost
     return functions

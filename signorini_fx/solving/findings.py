@@ -346,8 +346,7 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
 
     Raises:
         SceneError: the first sets of contact hold no node; nothing determines the pressure of an incompressible body;
-            a foundation moves although contact alone holds the linear body; a certified accuracy is asked for where
-            there is no guaranteed bound.
+            a foundation moves although contact alone holds the linear body.
         InstallationError: the scene asks for a proof by an add-on that is not installed.
     """
     if model.elastic.pressed and model.elastic.encloses(model.vector, model.prescribed):
@@ -359,12 +358,6 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
             _refuse_moving(model)
     if model.statement.solver.error_bound:
         add_on("error_bound")  # not after hours
-    if (
-        model.statement.accuracy is not None
-        and model.statement.accuracy.certified
-        and (why := add_on("why_unbounded")(model))
-    ):
-        raise SceneError([("accuracy.certified", why)])
 
 
 def _refuse_moving(model: Model) -> None:

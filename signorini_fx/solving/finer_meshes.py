@@ -55,7 +55,7 @@ class Meshes:
         settings = problem.settings
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
         self._stated: SolverSettings | None = None  # where they are changed
-        if (goal.of == "pressure" or goal.certified) and automatic and problem.augmentable:
+        if goal.of == "pressure" and automatic and problem.augmentable:
             # The regularisation smears the pressure at a corner over a length that hardly depends on the mesh.
             self._stated = settings
             problem = problem.with_settings(settings.model_copy(update={"algorithm": "alm"}))

@@ -13,7 +13,6 @@ from math import inf
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -32,9 +31,8 @@ from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.accuracy.next_accuracy import LOCAL
 from signorini_fx.results.accuracy.pressure_error import diverging_row
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.summary import failure_in_words
 from signorini_fx.solving.finer_meshes import Meshes
-from signorini_fx.solving.meshed_problem import SolvedMesh, Unsolved
+from signorini_fx.solving.meshed_problem import Unsolved
 from signorini_fx.tuned import (
     FEW_NODES,
     LARGEST_GAMMA,
@@ -102,14 +100,7 @@ def solve_to_accuracy(
         margin = MARGIN_OF_ENERGY[degree] if goal.of == "energy" else MARGIN
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= (2 if goal.of in ("energy", "pressure") else 3)
-        certified = goal.certified and (len(levels) == 1 or error + regularisation <= goal.target)
-        if certified:  # where not even the estimate meets the target the bound does not; the first mesh may be refused
-            solved, certain, without = _certified(solved, first=len(levels) == 1)
-            if without:
-                reason = f"there is no guaranteed bound: {without}"
-                return Unsolved(Status.OUT_OF_REACH, reason).leaves(solution, history)
-            error, margin = max(certain - regularisation, 0.0), 1.0  # the bound includes the regularisation
-        if (enough or certified) and error + regularisation <= goal.target:
+        if enough and error + regularisation <= goal.target:
             return solution
         hopeless = _out_of_reach(goal, levels, margin, solved.tagged.size)
         if hopeless:
@@ -144,28 +135,6 @@ def solve_to_accuracy(
         elif task is None or outcome is None or outcome.data.gamma_n >= LARGEST_GAMMA * task.natural_gamma:
             reason = "the regularisation leaves more, and gamma is as large as double precision allows"
             return Unsolved(Status.OUT_OF_REACH, reason).leaves(solution, history)
-
-
-def _certified(solved: SolvedMesh, *, first: bool) -> tuple[SolvedMesh, float, str]:
-    """The mesh with the shares of the guaranteed bound in place of the estimated ones, the bound of the relative error,
-    and why there is none, else "".
-
-    Raises:
-        SceneError: there is no bound for the scene, which the ``first`` mesh tells.
-    """
-    assert solved.errors is not None
-    try:
-        bound = solved.solution.error_bound
-    except Exception as error:  # whatever it is, the solution stands
-        bound = failure_in_words(error)
-    else:
-        if first and isinstance(bound, str):
-            raise SceneError([("accuracy.certified", bound)])
-    assert bound is not None
-    if isinstance(bound, str):
-        return solved, inf, bound
-    squares = {**solved.errors.squares, "energy": bound.squares}
-    return replace(solved, errors=replace(solved.errors, squares=squares)), bound.relative, ""
 
 
 def _out_of_reach(goal: Accuracy, levels: list[LevelResult], margin: float, size: float) -> str:

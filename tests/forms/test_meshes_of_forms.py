@@ -138,10 +138,6 @@ def test_what_is_refused():
         (lambda: solve_nested(block_on_a_floor(), mesh, 0), "levels: must be a whole number from 1, got 0"),
         (lambda: solve_nested(lambda mesh: None, mesh), "make: must return a ContactProblem, not"),
         (lambda: solve_to_accuracy(without_stress, mesh, Accuracy(target=0.1)), "stress: is needed"),
-        (
-            lambda: solve_to_accuracy(block_on_a_floor(), mesh, Accuracy(target=0.1, certified=True)),
-            "certified: is for scenes",
-        ),
         (lambda: solve_to_accuracy(hertz(), family, Accuracy(**adaptive)), "give the coarsest mesh, not a function"),
     ):
         with pytest.raises(FormError, match=reason):

@@ -90,11 +90,10 @@ def test_a_mesh_study(fine):
 
 
 def test_what_is_not_known():
-    """Of zones, of the largest pressure and of cells that lock no error is known, and bounds are for linear bodies."""
+    """Of zones, of the largest pressure and of cells that lock no error is known."""
     for accuracy, match in (
         ({"of": "zone"}, "take 'energy', 'pressure' or 'force'"),
         ({"of": "peak"}, "take 'energy', 'pressure' or 'force'"),
-        ({"certified": True}, "nonlinear body"),
     ):
         with pytest.raises(SceneError, match=match):
             pressed("rubber", target=0.1, **accuracy)

@@ -50,7 +50,6 @@ SPACE = {
 }
 AXISYMMETRIC = {"material": {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric"}}
 ORTHOTROPIC = {"young": [1000.0, 900.0, 800.0], "poisson": [0.3] * 3, "shear": [300.0] * 3}
-CERTIFIED = {"accuracy": {"target": 0.1, "certified": True}}
 DISK = {"generator": "half_disk", "parameters": {"radius": 1.0, "size": 0.5}}
 TETRAHEDRA = {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2, "cell": "tetrahedron"}}
 
@@ -64,16 +63,6 @@ def of_disk(**more):
     """A half disk that is pressed on its arc."""
     press = {"boundary": "top", "x": 0.0, "y": -0.1}
     return {"mesh": DISK, "material": BLOCK["material"], "displacement": press, "contact": [{"boundary": "arc"}]} | more
-
-
-def certified(**more):
-    """A block of triangles whose error is to have a bound."""
-    return contact(mesh_of(TRIANGLES)) | CERTIFIED | more
-
-
-def certified_in_space(**more):
-    """A block of tetrahedra whose error is to have a bound."""
-    return contact(SPACE | {"mesh": TETRAHEDRA}) | CERTIFIED | more
 
 
 def mesh_of(mesh, **more):
@@ -90,7 +79,6 @@ REFUSED = {
     "foundation that moves, body held by contact": BLOCK
     | PRESSED
     | {"contact": [BLOCK["contact"][0] | {"foundation": MOVING}], "load_steps": {"times": [0.0, 1.0]}},
-    "certified with a tool": tool(mesh=TRIANGLES, **CERTIFIED),
     "no contact to begin with": BLOCK | HELD | {"solver": {"initial_contact": "x[0] - 5"}},
     "pressure of an enclosed body": {
         "mesh": BLOCK["mesh"],
@@ -99,20 +87,6 @@ REFUSED = {
         "displacement": [
             {"boundary": side, "x": 0.0, "y": 0.0} for side in ("left", "right", "top", "bottom")
         ],
-    },
-    # Certified: what has no bound whatever the solution is.
-    "support that elements do not hold": certified(
-        displacement={"boundary": "top", "x": 0.0, "y": "-0.001*cos(x[0])"}
-    ),
-    "support in 3D that elements do not hold": certified_in_space(
-        displacement={"boundary": "top", "x": 0.0, "y": 0.0, "z": "-0.001*cos(x[0])"}
-    ),
-    "quadrilaterals that are no parallelograms": BLOCK
-    | {
-        "mesh": {"generator": "wedge", "parameters": {"nx": 2, "ny": 2}},
-        "contact": [{"boundary": "tip"}],
-        "displacement": {"boundary": "top", "x": 0.0, "y": -0.001},
-        "accuracy": {**CERTIFIED["accuracy"], "refinement": "uniform"},
     },
     # Requested accuracy.
     "quadrilaterals one by one": BLOCK | HELD | {"accuracy": {"target": 0.3, "refinement": "adaptive"}},

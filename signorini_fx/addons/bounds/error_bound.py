@@ -84,19 +84,6 @@ def error_bound(model: Model, y: fem.Function, contact: ContactState | None, ste
     return replace(bound, squares=of_rank(model, bound.squares))
 
 
-def why_unbounded(model: Model) -> str:
-    """Why there is no guaranteed bound, whatever the solution is; "": there may be one; collective.
-
-    Args:
-        model: the model, whose stiffness need not be assembled.
-    """
-    try:
-        refuse_unknown(model)
-    except Refused as refused:
-        return str(refused)
-    return ""
-
-
 def known_contact(model: Model, contact: ContactState | None) -> ContactState | None:
     """The contact, of a scene that has nothing without a bound; collective."""
     refuse_unknown(model)

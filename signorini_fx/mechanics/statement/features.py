@@ -51,7 +51,6 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
         ("local refinement for contact", ("accuracy", "refinement"), _divides_cells(statement) and of != "energy"),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
-        ("statement of an error bound", ("accuracy", "certified"), accuracy is not None and accuracy.certified),
         ("several bodies", ("body",), bool(statement.bodies)),
         ("two bodies", ("body",), len(statement.bodies) > 1),
         ("mesh that no generator makes", ("mesh",), not statement.generated),

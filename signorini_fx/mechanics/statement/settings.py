@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from datetime import date
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from signorini_fx.algebra import Settings
 from signorini_fx.extensions import LINEAR_SOLVERS, names_of
@@ -166,7 +166,6 @@ class Accuracy(Table):
             refined uniformly; otherwise uniform.
         seconds: wall time allowed; None: no limit.
         memory: peak memory of all ranks allowed, GB; None: 80 % of what the machine has.
-        certified: whether the guaranteed bound of the error takes the place of its estimate; only of the energy.
     """
 
     target: Annotated[float, Field(gt=0, lt=1, strict=True), BeforeValidator(share)]
@@ -174,10 +173,3 @@ class Accuracy(Table):
     refinement: Literal["auto", "uniform", "adaptive"] = "auto"
     seconds: Positive | None = None
     memory: Positive | None = None
-    certified: bool = False
-
-    @model_validator(mode="after")
-    def _certain(self) -> Self:
-        if self.certified and self.of != "energy":
-            raise ValueError(f"a bound is guaranteed for of = 'energy' only, not for {self.of!r}")
-        return self
