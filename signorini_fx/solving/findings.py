@@ -13,7 +13,7 @@ from dolfinx import mesh as dmesh
 from scipy.linalg import null_space
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.statics import Reactions, escape, reactions, squeezed
+from signorini_fx.algebra.contact.statics import Reactions, escape, reactions
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
@@ -23,11 +23,9 @@ from signorini_fx.mechanics.rigid.motion_names import MOST_LISTED, names_of
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import Finding, Status
+from signorini_fx.records import Finding
 from signorini_fx.results.contact_figures import load_on
 from signorini_fx.tuned import FAR_GAP, NO_FORCE, ROOT_OF_EPS
-
-_Rows = npt.NDArray[np.float64]
 
 
 def scene_findings(body: Model) -> list[Finding]:
@@ -132,10 +130,7 @@ def _gaps(body: Model, data: RegularisedData, reach: float) -> list[Finding]:
     two_sided = parallel.any_rank(comm, not unilateral.all())
     if body.motions.free.shape[1] > 0 or two_sided or moves:
         return findings
-    if smallest >= -NO_FORCE * size and not _acts(body):
-        message = "there is no load, and every prescribed displacement is 0: the solution is 0"
-        findings.append(Finding("warning", "traction, body_force, displacement", message))
-    elif smallest > reach > 0:
+    if smallest > reach > 0:
         message = (
             f"the smallest gap is {smallest:g}, farther than prescribed displacements and loads can move the body: "
             "contact is unlikely to close; check the gap and the units"
@@ -199,15 +194,6 @@ def _units(body: Model, prescribed: float, force: float) -> list[Finding]:
     return []
 
 
-def _acts(body: Model) -> bool:
-    """Whether there is a load or a prescribed displacement in any load step; collective."""
-    steps = range(body.statement.steps)
-    acting = [load for step in steps for factor, load in body.applied_at(step) if factor]
-    given = [values for load in acting for values in (load.forces, load.start)]
-    given += [values for load in acting if load.driven for values in (load.driven.forces, load.driven.motion)]
-    return parallel.any_rank(body.comm, any(values.any() for values in given))
-
-
 def _largest_loads(body: Model) -> tuple[float, float]:
     """The largest displacement that a load step prescribes, length, and the largest sum of its nodal loads."""
     prescribed = force = 0.0
@@ -232,37 +218,24 @@ def equilibrium(body: Model) -> list[Finding]:
     motions, boundary, data = body.motions, body.boundary, body.data
     if motions.free.shape[1] == 0:
         return []
-    all_reactions: tuple[Reactions, _Rows] | None = None
+    all_reactions = None
     if boundary is not None and data is not None:
-        gap = parallel.gather_rows(boundary.comm, data.gap[:, None])[:, 0]
-        all_reactions = reactions(motions.at(boundary), body.law, data.bilateral), gap
+        all_reactions = reactions(motions.at(boundary), body.law, data.bilateral)
     loads = [load_on(body, step) for step in range(body.statement.steps)]
     findings = []
     for number in map(int, np.unique(motions.assembly)):
         columns = motions.assembly == number
-        contact, without_load = None, False
-        if all_reactions is not None:
-            contact = all_reactions[0].of(number, columns)
-            without_load = squeezed(contact, all_reactions[1][all_reactions[0].assembly == number])
-        assembly_loads = [load[columns] for load in loads]
-        findings.append(_equilibrium_of(body, number, columns, contact, assembly_loads, without_load=without_load))
+        contact = None if all_reactions is None else all_reactions.of(number, columns)
+        findings.append(_equilibrium_of(body, number, contact, [load[columns] for load in loads]))
     return findings
 
 
 def _equilibrium_of(
-    body: Model,
-    number: int,
-    columns: npt.NDArray[np.bool_],
-    contact: Reactions | None,
-    loads: list[_Rows],
-    *,
-    without_load: bool,
+    body: Model, number: int, contact: Reactions | None, loads: list[npt.NDArray[np.float64]]
 ) -> Finding:
-    """Whether one assembly is in equilibrium, from its columns of free motions and the work of each load step on them;
-    ``without_load``: whether its foundation holds it without a load.
-    """
+    """Whether one assembly is in equilibrium; ``loads``: the work of each load step on its free motions."""
     motions, statement = body.motions, body.statement
-    free = motions.of_all[:, columns]
+    free = motions.of_all[:, motions.assembly == number]
     several = motions.pieces.count > 1
     members = np.flatnonzero(motions.pieces.assembly == number)
     subject = "the body"
@@ -280,28 +253,18 @@ def _equilibrium_of(
         return Finding("warning", "displacement", f"nothing holds {subject}: {who} {names}; {advice}")
     assert contact is not None
     away = [escape(contact, load) if load.any() else None for load in loads]
-    of_it = f" of {subject}" if several else ""
+    of_it = f" ({subject})" if several else ""
     steps = [step for step, way in enumerate(away, start=1) if way is not None]
     if steps:
         when = ""
         if len(loads) > 1:
             when = f"{'load step' if statement.automatic_steps is None else 'factor'} {steps[0]}: "
         status, motion = next(way for way in away if way is not None)
-        drives, cannot, cure = _WAYS[status]
         names = names_of(free @ motion[:, None], motions, members, one_way=True)
-        return Finding(
-            "warning",
-            statement.forces_at,
-            f"{when}there is no static equilibrium{of_it}: the loads {drives} {names}, {cannot}: "
-            f"{cure}, or prescribe a displacement{_provided(body)}",
-        )
-    with_base_bound = contact.given[:, None, None] > 0
-    stuck = np.linalg.matrix_rank((with_base_bound * contact.tangential).reshape(-1, free.shape[1])) == free.shape[1]
+        message = f"{when}{status.value}{of_it}: the loads move it by {names}; {status.advice}{_provided(body)}"
+        return Finding("warning", statement.forces_at, message)
     text = f"the supports do not hold {names_of(free, motions, members)}: contact must"
-    if any(load.any() for load in loads) or stuck or without_load or contact.bilateral.any() or imposed(body):
-        return Finding("note", "displacement", f"{subject}: {text}" if several else text)
-    message = f"{text}, but no load presses {subject} on its foundation: its position is not determined"
-    return Finding("warning", statement.forces_at, message)
+    return Finding("note", "displacement", f"{subject}: {text}" if several else text)
 
 
 def _provided(body: Model) -> str:
@@ -313,28 +276,6 @@ def _provided(body: Model) -> str:
         f"{known}, provided that this bound is nowhere larger than the law says, which was tried at samples of the "
         "pressure"
     )
-
-
-# What loads do, what does not stop it, and what may.
-_WAYS = {
-    Status.SLIDES: ("make it slide by", "which friction cannot stop", "lower the load, raise the friction"),
-    Status.TIPS: (
-        "tip it over by",
-        "which the contact cannot stop",
-        "lower the load, let it act closer to the contact",
-    ),
-    Status.OPEN: ("drive", "which neither the supports nor the contact can stop", "change the direction of the loads"),
-}
-
-
-def imposed(body: Model) -> bool:
-    """Whether supports or rigid bodies are moved in any load step; collective."""
-    applied = [load for step in range(body.statement.steps) for factor, load in body.applied_at(step) if factor]
-    moved = [
-        bool(load.prescribed.x.array.any()) or (load.driven is not None and bool(load.driven.motion.any()))
-        for load in applied
-    ]
-    return parallel.any_rank(body.comm, any(moved))
 
 
 # --- refusals --------------------------------------------------------------------------------------------------------

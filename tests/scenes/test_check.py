@@ -159,7 +159,7 @@ LOOSE = {
     "pulled off": (
         block(traction={"boundary": "top", "y": 20.0}, displacement={"boundary": "left", "x": 0.0}),
         "traction, body_force",
-        "the loads drive the translation along (0, 1), which neither",
+        "the loads move it by the translation along (0, 1)",
         Status.OPEN,
     ),
     "too steep": (
@@ -183,13 +183,7 @@ LOOSE = {
     "second step": (
         block(traction={"boundary": "top", "y": -20.0, "factors": [1.0, -1.0]}, **FREE, **coulomb(0.3)),
         "traction, body_force",
-        "load step 2: there is no static equilibrium",
-        Status.OPEN,
-    ),
-    "no load": (
-        block(traction=[], displacement={"boundary": "left", "x": 0.0}),
-        "traction, body_force",
-        "its position is not determined",
+        "load step 2: contact opens, no static equilibrium",
         Status.OPEN,
     ),
 }
@@ -255,7 +249,6 @@ HURTING = [
         "contact.gap",
         "penetrates its foundation",
     ),
-    ({"traction": [], **contact(gap=0.1)}, "traction, body_force, displacement", "the solution is 0"),
     (
         {"traction": [], "displacement": {"boundary": "left", "x": 1e-3, "y": 0.0}, **contact(gap=0.1)},
         "contact.gap",
