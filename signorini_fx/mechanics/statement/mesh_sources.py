@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import Field, InstanceOf, field_validator
 
 from signorini_fx.mechanics.statement.base import Table
-from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, kind_of
+from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, Vector, kind_of
 
 # Files that gmsh meshes: its scripts, and CAD drawings.
 DRAWN = (".geo", ".step", ".stp", ".brep")
@@ -81,9 +81,9 @@ class Body(Table):
 
     name: str
     mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
-    shift: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    shift: Vector | None = None
     rotation: Annotated[tuple[Finite, ...], Field(min_length=3, max_length=3)] | Finite | None = None
-    pivot: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)] | None = None
+    pivot: Vector | None = None
 
     @field_validator("mesh", mode="before")
     @classmethod

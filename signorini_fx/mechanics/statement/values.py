@@ -128,14 +128,6 @@ def share(entry: Any) -> Any:
     return entry if match is None else float(match[1]) / 100
 
 
-def number_or_auto(entry: Any) -> Any:
-    """A positive number or the word auto, with one message where it is neither."""
-    entry = entry.item() if isinstance(entry, np.number) else entry
-    if entry != "auto" and not (type(entry) in (int, float) and 0 < entry < math.inf):
-        raise ValueError(f"a positive number or 'auto' is expected, got {shown(entry)}")
-    return entry if entry == "auto" else bounded(entry)
-
-
 Finite = Annotated[
     float, Field(allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
 ]
@@ -161,9 +153,7 @@ def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
 NOT_ZERO = AfterValidator(_not_zero)
 Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
 Direction = Annotated[Vector, NOT_ZERO]
-
-
-Automatic = Annotated[float | Literal["auto"], BeforeValidator(number_or_auto)]
+Automatic = Positive | Literal["auto"]
 
 
 def selection(entry: Any) -> Any:
