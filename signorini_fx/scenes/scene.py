@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Self, get_origin
 
-from pydantic import BaseModel, BeforeValidator, InstanceOf, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, BeforeValidator, ValidationError, model_validator
 
 from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.statement.base import Table, refused
@@ -28,8 +28,7 @@ from signorini_fx.mechanics.statement.mesh_sources import (
     Body,
     MeshFile,
     MeshGenerator,
-    TaggedMeshBase,
-    one_mesh,
+    OneMesh,
 )
 from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, rigid_bodies
 from signorini_fx.mechanics.statement.rigid_shape import OneShape, Shape, read_shape
@@ -165,7 +164,7 @@ class Scene(Table):
 
     title: str = ""
     incomplete: tuple[str, ...] = ()
-    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase] | None
+    mesh: OneMesh | None = None
     body: Annotated[tuple[Body, ...], BeforeValidator(_listed)] = ()
     element: Discretised = Discretised()
     material: Entries
@@ -179,17 +178,6 @@ class Scene(Table):
     accuracy: Accuracy | None = None
     units: Units = Units()
     title_block: TitleBlock = TitleBlock()
-
-    @field_validator("mesh", mode="before")
-    @classmethod
-    def _one_mesh(cls, entry: Any) -> Any:
-        return None if entry is None else one_mesh(entry)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _mesh_of_bodies(cls, entry: Any) -> Any:
-        without = isinstance(entry, Mapping) and entry.get("body") and "mesh" not in entry
-        return {**entry, "mesh": None} if without else entry
 
     @model_validator(mode="before")
     @classmethod
@@ -212,8 +200,10 @@ class Scene(Table):
                 yield from effect.contradictions(stated, number)
         yield from refused_features(stated)
         if (self.mesh is None) != bool(self.body):
-            missing = "a table with file or generator is expected" if self.mesh is None else "leave it out"
-            yield ("mesh",), missing + ("" if self.mesh is None else ": each [[body]] has its own")
+            if self.mesh is None:
+                yield (), "mesh is missing: a table with file or generator is expected"
+            else:
+                yield ("mesh",), "leave it out: each [[body]] has its own"
         names = [body.name for body in self.body]
         for number, name in enumerate(names):
             if name in names[:number]:

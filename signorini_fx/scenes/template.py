@@ -34,7 +34,6 @@ def scene_schema() -> dict[str, Any]:
         definition["required"] = ["law", *definition.get("required", [])]
     schema["$defs"]["MeshGenerator"]["properties"]["generator"]["enum"] = list(known_generators())
     schema["$defs"]["SolverSettings"]["properties"]["linear_algebra"]["enum"] = list(known_linear_algebra())
-    schema["required"].remove("mesh")  # where there are bodies
     for name, field in model.model_fields.items():
         one_or_many = schema["properties"][name]
         if get_origin(field.annotation) is not tuple:

@@ -160,7 +160,7 @@ ON_EACH_OTHER = {"boundary": "b.bottom", "against": "a.top"}
 @pytest.mark.parametrize(
     ("given", "match"),
     [
-        ({"body": [], "material": MATERIAL}, "mesh: is missing"),
+        ({"body": [], "material": MATERIAL}, "mesh is missing"),
         ({"mesh": ONE, "body": [{"name": "a", "mesh": ONE}]}, r"mesh: leave it out: each \[\[body\]\] has its own"),
         (
             {"body": [{"name": "a", "mesh": ONE}, {"name": "a", "mesh": ONE}]},

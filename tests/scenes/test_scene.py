@@ -94,7 +94,7 @@ def test_one_table_instead_of_a_list():
         ("material.young", True, "material.young", "must be a number, got true"),
         ("solver.max_iterations", "many", "solver.max_iterations", "must be an integer, got 'many'"),
         ("contact.0.friction.coefficient", 0.3, "contact[0].friction.coefficient", "unknown key"),
-        ("mesh", NOTHING, "mesh", "is missing"),
+        ("mesh", NOTHING, "scene", "mesh is missing"),
         ("material.young", NOTHING, "material.young", "is missing"),
         ("contact.0.friction.bound", NOTHING, "contact[0].friction.bound", "is missing"),
         ("displacement.0.boundary", NOTHING, "displacement[0]", "give either a boundary or at, a point"),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, InstanceOf, field_validator
+from pydantic import BeforeValidator, Field, InstanceOf, field_validator
 
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, Vector, kind_of
@@ -67,6 +67,9 @@ def one_mesh(entry: Any) -> Any:
     return entry
 
 
+OneMesh = Annotated[MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase], BeforeValidator(one_mesh)]
+
+
 class Body(Table):
     """One of several bodies, with a mesh of its own, which is turned and then moved to its place.
 
@@ -80,15 +83,10 @@ class Body(Table):
     """
 
     name: str
-    mesh: MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase]
+    mesh: OneMesh
     shift: Vector | None = None
     rotation: Annotated[tuple[Finite, ...], Field(min_length=3, max_length=3)] | Finite | None = None
     pivot: Vector | None = None
-
-    @field_validator("mesh", mode="before")
-    @classmethod
-    def _one_mesh(cls, entry: Any) -> Any:
-        return one_mesh(entry)
 
     @field_validator("name")
     @classmethod
