@@ -332,9 +332,7 @@ class FormSolver:
         return self.foundations.moved(boundary)
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
-        """By which rotation the foundation of each point has turned since ``advance``, shape (n, d, d); None: by none
-        that counts.
-        """
+        """The rotation of the foundation of each point since ``advance``, shape (n, d, d); None: none counts."""
         return None
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:

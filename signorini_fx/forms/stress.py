@@ -186,9 +186,7 @@ def _by_quadrature(expression: Any) -> bool:
 
 
 def _stiffest(moduli: npt.NDArray[np.float64], mesh: dmesh.Mesh) -> float | None:
-    """The largest of Young's moduli; ``moduli``: see ``cellwise_moduli``; None: some cell is not isotropic;
-    collective.
-    """
+    """The largest of Young's moduli, of ``cellwise_moduli``; None: some cell is not isotropic; collective."""
     lame = isotropic_moduli(moduli, mesh.geometry.dim, mesh)
     if lame is None:
         return None

@@ -160,9 +160,7 @@ class MovingFoundations(Foundations):
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_] | None,
     ) -> ContactBoundary:
-        """Where both sides are now, if they slide; else as they are paired where they are undeformed, and, unless they
-        are tied, with the normals of now.
-        """
+        """Where both sides are now, if they slide; else with the partners of undeformed sides and normals of now."""
         if number in self.sliding:
             return self.sliding[number].boundary()
         facts = [values.tobytes() for values in (fixed, at_rest, factor) if values is not None]
@@ -400,9 +398,7 @@ class LinearisedProblem(FormSolver):
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _way(self) -> Array:
-        """Of contact points relative to shapes since the step has begun, length, shape (n, d), without what forces
-        move.
-        """
+        """Of contact points relative to shapes since the step has begun, without what forces move, shape (n, d)."""
         previous, way = self.previous_step, (self.places - self._begun_places)[self.boundary.nodes]
         return way if previous is None or previous.moved is None else np.asarray(way - previous.moved)
 
@@ -444,9 +440,7 @@ class LinearisedProblem(FormSolver):
         return data
 
     def _case(self, values: Array) -> LoadCase:
-        """With what relative displacements meet; only the residual and what drives tools do work on free motions, and
-        round-off of theirs is none.
-        """
+        """With the work of the residual on free motions, and with what relative displacements meet."""
         case, elastic = super()._case(values), self.elastic
         if elastic.motions.free.size:
             driven = self.rigid.driven_together
@@ -523,9 +517,7 @@ class LinearisedProblem(FormSolver):
             self._solve()
 
     def _solve_with_last_stiffness(self) -> bool:
-        """Whether the contact problem has a solution with the stiffness of the last one, which is solved; else the
-        tangent is that of now again; collective.
-        """
+        """Whether the stiffness of the last tangent has led to a solution; else that of now is back; collective."""
         self._keeps = True
         try:
             solved = not self.attempt()
@@ -717,9 +709,7 @@ class LinearisedProblem(FormSolver):
 
     @property
     def _sticks(self) -> npt.NDArray[np.bool_]:
-        """Which contact points friction has held in the last solution, in contact or by a bound that needs no pressure,
-        shape (n,).
-        """
+        """Which points friction has held in the last solution, in contact or by a bound without it, shape (n,)."""
         part, state = self.state.boundary.part, self.state
         rough = np.array([entry.friction is not None or entry.bonded for entry in self.contact], dtype=bool)[part]
         acts = state.in_contact | (state.bound > 0.0)

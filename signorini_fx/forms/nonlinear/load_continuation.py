@@ -100,9 +100,7 @@ class Continuation(Stepping[StepResult]):
         return self.end_step(end)
 
     def _give_up(self, begun: State, error: Exception) -> None:
-        """Go back to where a step has begun that has no solution, and say where it is to end instead, or raise why
-        there is none; collective.
-        """
+        """Go back to where a failed step has begun, and halve it, or raise why there is no solution; collective."""
         solver, way, history = self.solver, self.way, self.history
         status = solver.status
         final = not way.may_halve or status in FINAL
@@ -189,9 +187,7 @@ class Continuation(Stepping[StepResult]):
         return None
 
     def _fits(self, checkpoint: MeshCheckpoint, figures: Figures) -> bool:
-        """Give the body the displacement and the contact of its next load step, with loads and shapes of it; whether
-        they fit; collective.
-        """
+        """Take the displacement and the contact of the next load step from a checkpoint, if they fit; collective."""
         linear, residual = self.solver.linear, self.solver.residual
         number, tools = linear.step, linear.moving_tools
         fields = checkpoint.beside(number, linear.space, (_SOLUTION, _TANGENT))

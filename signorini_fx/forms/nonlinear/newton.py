@@ -168,9 +168,7 @@ class EquilibriumSolver:
 
     @property
     def _least_increment(self) -> float:
-        """Increments that may be round-off of the body, of its places, or of where a body is that nothing presses on,
-        length; collective.
-        """
+        """Increments that may be round-off of the body, its places, or loose bodies, length; collective."""
         linear, mesh = self.linear, self.linear.space.mesh
         farthest = float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
         loose = linear.scales.coordinate_error / NO_FORCE if linear.loose else 0.0
@@ -200,7 +198,7 @@ class EquilibriumSolver:
         last = self.last = self.last or self.snapshot()
         self.certificate, self.status, self.without, self._detail = None, None, "", ""
         self._tried = None
-        self.linear_solves, solves = 0, len(self.linear.history.iterations)
+        solves = len(self.linear.history.iterations)
         try:
             with self.timings.phase("iterate"):
                 status = self._iterate()
@@ -214,7 +212,7 @@ class EquilibriumSolver:
         except Exception:
             self.go_back(last)
             raise
-        self.status, self.linear_solves = status, self.linear_solves + len(self.linear.history.iterations) - solves
+        self.status, self.linear_solves = status, len(self.linear.history.iterations) - solves
         if status is Status.CONVERGED:
             return
         self.failure = failure(status, self.certificate, self.without, self._detail)
@@ -352,17 +350,13 @@ class EquilibriumSolver:
 
     @property
     def _is_linear(self) -> bool:
-        """Whether a problem of an iteration is the one that is to be solved: no material has a state, F is affine in
-        the displacement, and contact is met where the undeformed body is.
-        """
+        """Whether F is affine in the displacement, without a state, and contact is that of the undeformed body."""
         linear = self.linear
         follows = linear.shapes or linear.pairs or linear.moving_tools.coordinates.size
         return not follows and self.residual.update is None and self.tangents.affine
 
     def _not_solved(self, inner: Status) -> Status:
-        """How a solve ends in which a linear contact problem has no solution: what is proved of that is not proved of
-        the body, but for motions that nothing resists.
-        """
+        """How a solve ends whose linear contact problem has no solution, which proves little of the body itself."""
         if inner is Status.NOT_HELD:
             return inner
         if inner is Status.OPEN and self.linear.loose:
@@ -387,9 +381,7 @@ class EquilibriumSolver:
         return certificate.displacement > self.farthest and certificate.placed < 1.0 <= certificate.lost
 
     def _judge(self, residual: Array | None = None) -> Status:
-        """Whether an iterate is a solution: no shape is inside the body, and the certificate holds; ``residual``: F
-        there, which was evaluated last; None: it is evaluated; collective.
-        """
+        """Whether an iterate is a solution; ``residual``: F there, evaluated last; None: not yet; collective."""
         self._detail = self.origin.too_large()
         if self._detail:
             return Status.TOO_LARGE

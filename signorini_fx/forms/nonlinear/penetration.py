@@ -86,15 +86,7 @@ def overlap_of_bodies(u: fem.Function, cells: BodyCells, pairs: Mapping[int, Mov
 
 
 def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node: Array) -> Flags:
-    """Which points, shape (m, d), are in a cell of another piece than their own, of some of this rank.
-
-    Args:
-        cells: of this rank.
-        places: of the nodes.
-        piece: of each cell.
-        at: the points.
-        of_node: the piece of each of them.
-    """
+    """Which points, of the pieces ``of_node``, are in a cell of this rank that belongs to another piece, shape (m,)."""
     within, corners = np.zeros(len(at), dtype=bool), cells.corners(places)
     meets = (corners.max(axis=1) >= at.min(axis=0)) & (corners.min(axis=1) <= at.max(axis=0))
     near = np.flatnonzero(meets.all(axis=1))

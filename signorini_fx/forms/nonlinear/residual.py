@@ -59,9 +59,7 @@ class Residual:
         return None if parallel.any_rank(self.u.function_space.mesh.comm, fails) else forces
 
     def _turned_inside_out(self) -> bool:
-        """Whether det(I + grad u) is not positive at a quadrature point of some cell of this rank, in the plane of
-        sections.
-        """
+        """Whether det(I + grad u) is not positive at a quadrature point of this rank, in the plane of sections."""
         space = self.u.function_space
         if self._slopes is None or not self._slopes.fits:
             cell, degree = space.mesh.topology.cell_name(), space.element.basix_element.degree

@@ -164,9 +164,7 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
 
 
 def _unstable_direction(matrix: PETSc.Mat, factor: PETSc.PC) -> Array:
-    """The eigenvector of the negative eigenvalue of a symmetric matrix that is nearest to zero, shape (rows of this
-    rank,): that of the lowest one of its inverse, to which Lanczos' method converges first; collective.
-    """
+    """The eigenvector of the lowest eigenvalue of the inverse, shape (rows of this rank,); collective."""
     from scipy.sparse.linalg import LinearOperator, eigsh  # imported by what needs it alone
 
     comm, (x, y), own = matrix.comm.tompi4py(), matrix.createVecs(), slice(*matrix.getOwnershipRange())
