@@ -22,7 +22,7 @@ from signorini_fx import (
 GAMMA = {"gamma_n": 1e6, "gamma_t": 1e6}
 
 
-def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, **settings):
+def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, floor=None, **settings):
     """The block of ``pushed_block``, and the Constant with the force that pushes it on its left side."""
     V = fem.functionspace(mesh, ("Lagrange", 1, (2,)))
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
@@ -32,8 +32,8 @@ def block(mesh, pushing=0.0, young=5000.0, friction=FRICTION, **settings):
     ds = ufl.ds(domain=mesh, subdomain_data=dmesh.meshtags(mesh, 1, numbers[order], marks[order]))
     push = fem.Constant(mesh, pushing)
     L = push * v[0] * ds(1) - PRESSURE * v[1] * ds(2)
-    floor = Foundation(facets[2], friction=Coulomb(friction))
-    return ContactProblem(forms.hooke(u, v, young), L, [], floor, **GAMMA, **settings), push
+    foundation = Foundation(facets[2], friction=Coulomb(friction), **(floor or {}))
+    return ContactProblem(forms.hooke(u, v, young), L, [], foundation, **GAMMA, **settings), push
 
 
 @pytest.mark.one_quick
@@ -94,3 +94,27 @@ def test_another_problem(tmp_path):
     problem, push = block(forms.box((3.0, 1.0), (3, 1)))
     solved = problem.run((1.0, 2.0), push, folder=tmp_path, restart=True)
     assert "restart: 2 complete load steps" in solved.history.events[0]
+
+
+@pytest.mark.parametrize("change", ["tilt", "support"])
+def test_a_block_that_falls_first_bears_the_same(change):
+    """In the step in which it falls, and in the next one, before which its floor tilts or a support holds it."""
+    mesh, states = forms.box((3.0, 1.0), (9, 3)), []
+    for gap in (0.0, 0.01):
+        tilt = fem.Constant(mesh, 0.0)
+        floor = {"gap": gap, "direction": ufl.as_vector((tilt, -1.0))}
+        problem, push = block(mesh, 0.2 * LIMIT, floor=floor)
+        states.append([])
+        for factor in (0.2, 0.3, 0.1):
+            push.value = factor * LIMIT
+            problem.solve()
+            states[-1].append(problem.state)
+            problem.advance()
+            if change == "tilt":
+                tilt.value = 1e-3
+            elif not problem.bcs:
+                top = fem.locate_dofs_geometrical(problem.u.function_space, lambda x: np.isclose(x[1], 1.0))
+                problem.bcs = [fem.dirichletbc(problem.u.copy(), top)]
+    for touching, fallen in zip(*states, strict=True):
+        np.testing.assert_allclose(fallen.pressure, touching.pressure, rtol=1e-8)
+        np.testing.assert_allclose(fallen.shear, touching.shear, rtol=0, atol=1e-8 * PRESSURE)
