@@ -371,9 +371,9 @@ SHORTEST_CHILD = 0.25
 # Along each edge of a facet of the last mesh so many steps between the places from which distances are measured.
 # Choice: the error is a tenth of an edge.
 FACET_SAMPLES = 5
-# Half of the facets may not be longer than this times what was asked for, after so many meshes at most.  Choice: the
-# longest edges of triangles of gmsh are 1.2 times as long as their mean, and each mesh is far nearer to a curve.
-LONGEST_FACET, MOST_MESHINGS = 1.4, 3
+# Half of the facets may not be longer than this times what was asked for.  Choice: the longest edges of triangles of
+# gmsh are 1.2 times as long as their mean.
+LONGEST_FACET = 1.4
 # Reference coordinates within which the place of a point in a cell is sought.  Choice.
 REFERENCE_BOUNDS = -1.0, 2.0
 # A point outside the convex hull of those of a table is moved towards their middle by this share of its distance, for a

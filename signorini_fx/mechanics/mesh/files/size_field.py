@@ -17,7 +17,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import Cell, Floats, Ints
 from signorini_fx.mechanics.statement.mesh_sources import ContactSize
-from signorini_fx.tuned import FACET_SAMPLES, LONGEST_FACET, MOST_MESHINGS, SIZE_GROWTH
+from signorini_fx.tuned import FACET_SAMPLES, LONGEST_FACET, SIZE_GROWTH
 
 # gmsh's words for the elements of a view, by their dimension and the number of their corners.
 _VIEWS = {(2, 3): "ST", (2, 4): "SQ", (3, 4): "SS", (3, 8): "SH"}
@@ -77,9 +77,6 @@ def with_sizes(
 ) -> MeshArrays:
     """The mesh of the current model with cells of some lengths.
 
-    The chords of a coarse mesh may be far from a curved side, by many of the short facets: then the mesh that was made
-    with them is the better one to begin from.
-
     Args:
         gmsh: the module.
         make: meshes the model with straight cells.
@@ -110,16 +107,12 @@ def with_sizes(
             raise SceneError([(size.path, message)])
     if not wanted:
         return finish()
-    for _ in range(MOST_MESHINGS):
-        field = _graded_at(before, wanted)
-        mesh = anew(field, finish)
-        lengths = [float(np.median(_longest_edges(mesh, size.boundary))) for size in wanted]
-        longer = [pair for pair in zip(wanted, lengths, strict=True) if pair[1] > LONGEST_FACET * pair[0].size]
-        if not longer:
-            return mesh
-        before = anew(field, make)
-    size, length = longer[0]
-    raise SceneError([(size.path, f"gmsh has made facets of {length:.3g} of {size.boundary!r}: {cure}")])
+    mesh = anew(_graded_at(before, wanted), finish)
+    for size in wanted:
+        length = float(np.median(_longest_edges(mesh, size.boundary)))
+        if length > LONGEST_FACET * size.size:
+            raise SceneError([(size.path, f"gmsh has made facets of {length:.3g} of {size.boundary!r}: {cure}")])
+    return mesh
 
 
 def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
