@@ -368,9 +368,6 @@ SIZE_GROWTH = 0.25
 # Of a mesh that is made anew cells are at least this share of their length on the last one.  Choice: the errors of a
 # mesh say little of cells that are much smaller.
 SHORTEST_CHILD = 0.25
-# Along each edge of a facet of the last mesh so many steps between the places from which distances are measured.
-# Choice: the error is a tenth of an edge.
-FACET_SAMPLES = 5
 # Half of the facets may not be longer than this times what was asked for.  Choice: the longest edges of triangles of
 # gmsh are 1.2 times as long as their mean.
 LONGEST_FACET = 1.4

@@ -17,7 +17,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import Cell, Floats, Ints
 from signorini_fx.mechanics.statement.mesh_sources import ContactSize
-from signorini_fx.tuned import FACET_SAMPLES, LONGEST_FACET, SIZE_GROWTH
+from signorini_fx.tuned import LONGEST_FACET, SIZE_GROWTH
 
 # gmsh's words for the elements of a view, by their dimension and the number of their corners.
 _VIEWS = {(2, 3): "ST", (2, 4): "SQ", (3, 4): "SS", (3, 8): "SH"}
@@ -128,7 +128,8 @@ def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
     total = np.bincount(ends.ravel(), np.repeat(lengths, 2), minlength=used.size)
     sizes = total / np.bincount(ends.ravel(), minlength=used.size)
     for size in wanted:
-        distance, _ = cKDTree(_sampled(mesh, size.boundary)).query(points)
+        facets = np.unique(mesh.facet_corners[mesh.boundaries[size.boundary]])
+        distance, _ = cKDTree(mesh.points[facets]).query(points)
         sizes = np.minimum(sizes, size.size + SIZE_GROWTH * distance)
     return SizeField(points, cells, sizes)
 
@@ -144,14 +145,3 @@ def _longest_edges(mesh: MeshArrays, boundary: str) -> Floats:
     """The longest edge of each facet of a boundary, shape (f,)."""
     x = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
     return np.asarray(np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1))
-
-
-def _sampled(mesh: MeshArrays, boundary: str) -> Floats:
-    """Places on the facets of a boundary, from corner to corner, shape (n, d)."""
-    facet = mesh.facet
-    steps = [np.linspace(0.0, 1.0, FACET_SAMPLES + 1)] * facet.dim
-    x = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, facet.dim)
-    if facet.simplex:
-        x = x[x.sum(axis=1) < 1 + 1e-9]
-    corners = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
-    return np.asarray(np.einsum("pc,fcd->fpd", facet.weights(x), corners).reshape(-1, mesh.dim))
