@@ -272,23 +272,16 @@ MANY_STEPS = 50
 
 # --- algorithms ------------------------------------------------------------------------------------------------------
 
-# Interior points: stiffness of the foundation with which they begin, in units of the natural stiffness.  Beams,
-# blisters, plates and weightless strips take the fewest solves between 1e-4 and 1e-3, and three times as many on a
-# foundation of stiffness gamma.
-SOFT_FOUNDATION = 3e-4
-# They are asked for sets after the first number of full steps, if in the last three the contact set has changed its
-# size, the points that have changed are at least the second number, and ``DECIDED`` of those of the three before,
-# unless full steps would be through with all points in fewer steps than the third number; and whatever has changed
-# after the last number of full steps, which is also the most that they take.  None of 400 random compact problems gets
-# there, nor do the tables of the paper; with 6 steps and a share of 0.6 two of 200 did.
-SLOW_STEPS, SLOW_CHANGES, STEPS_LEFT, SLOWEST_STEPS = 7, 6, 15, 25
-# In 3D, without friction, a whole row of a coarse plate opens with each full step and few rows open at all: sets are
-# asked for if full steps would be through in no fewer than this.  Tuned on 51 plates (docs/evidence/slender.csv), which
-# take 943 solves then, 1,012 with the number above; beams in 2D are better with that.
-STEPS_LEFT_OF_FRONTS = 40
-# They propose sets once their products are at most this share of the first ones, a step has gone at least ``DECIDED``
-# of its way, and the sets of at most one point still change.  From the same problems and slender bodies.
-DECIDING_PRODUCT, DECIDED = 1e-2, 0.7
+# Interior points are asked for sets after the first number of full steps, if in the last three the contact set has
+# changed its size, at least ``DECIDED`` as many points have changed as in the three before, and full steps would not be
+# through with all points in the second number of steps, which is the most that interior points take; and whatever has
+# changed after that many full steps.  None of 400 random compact problems gets there, nor do the tables of the paper;
+# with 6 steps and a share of 0.6 two of 200 did.
+SLOW_STEPS, SLOWEST_STEPS = 7, 25
+# They begin on a foundation whose stiffness is NEGLIGIBLE beside the natural one, where slender bodies take a third of
+# the solves that they take on one of stiffness gamma.  They propose sets once their products are as small a share of
+# the first ones, a step has gone at least this share of its way, and the sets of at most one point still change.
+DECIDED = 0.7
 # Residuals are measured by forces that are at least this share of stiffness times displacement, of which
 # NO_FORCE is then still above round-off; an inexact Krylov solve leaves no less of the forces.  Choice.
 ATTAINABLE_SHARE = 1e-7

@@ -48,12 +48,11 @@ from signorini_fx.machine import parallel
 from signorini_fx.records import Status
 from signorini_fx.tuned import (
     DECIDED,
-    DECIDING_PRODUCT,
+    NEGLIGIBLE,
     NO_FORCE,
     NOTHING_LEFT,
     SAME_NUMBER,
     SLOWEST_STEPS,
-    SOFT_FOUNDATION,
 )
 
 Newton = Any  # ``ssn.SemismoothNewton``, which asks for this module
@@ -170,7 +169,7 @@ class _Programme:
             closed_before, slip_before = closed, slip
             closed, slip = self._indicated(begin, at)
             changed = self._number((closed != closed_before) | (slip != slip_before))
-            small = self._product(at) <= DECIDING_PRODUCT * first and share > DECIDED
+            small = self._product(at) <= NEGLIGIBLE * first and share > DECIDED
             if newton.history.exhausted or (small and changed <= 1):
                 break
         sets = _sets_of(newton, self._data)
@@ -188,7 +187,7 @@ class _Programme:
     def _on_a_soft_foundation(self, *, exact: bool) -> _Inside | None:
         """Where the body is if all points are tied to a soft foundation, with products that are all the same."""
         data, size, contact = self._data, self._points.dimension - 1, self._problem.system.contact
-        soft = data.softer(SOFT_FOUNDATION * contact.natural_stiffness(self._problem.system.matrix.getDiagonal()))
+        soft = data.softer(NEGLIGIBLE * contact.natural_stiffness(self._problem.system.matrix.getDiagonal()))
         rough, x = (self._bound > 0)[:, None], self._newton.x
         blocks = np.zeros((rough.size, 1 + size, 1 + size))
         blocks[:, 0, 0] = soft.stiffness

@@ -33,11 +33,8 @@ from signorini_fx.tuned import (
     NEGLIGIBLE,
     NO_FORCE,
     SAME_NUMBER,
-    SLOW_CHANGES,
     SLOW_STEPS,
     SLOWEST_STEPS,
-    STEPS_LEFT,
-    STEPS_LEFT_OF_FRONTS,
 )
 
 _RENEW, _KEEP = -2, -1
@@ -432,10 +429,8 @@ class SemismoothNewton:
             return False
         lost = (self._changes[-4][1] - self._changes[-1][1]) / 3
         left = self._changes[-1][1] if lost > 0 else self._point_count - self._changes[-1][1]
-        enough = sum(changes[-3:]) >= max(SLOW_CHANGES, DECIDED * sum(changes[:3]))
-        fronts = self.problem.points.dimension == 3 and self.problem.data.bound is None
-        steps_left = STEPS_LEFT_OF_FRONTS if fronts else STEPS_LEFT
-        return (enough and 0 < abs(lost) * steps_left <= left) or k >= SLOWEST_STEPS
+        enough = sum(changes[-3:]) >= DECIDED * sum(changes[:3])
+        return (enough and 0 < abs(lost) * SLOWEST_STEPS <= left) or k >= SLOWEST_STEPS
 
     def _settled(self, residual: float, law: float) -> bool:
         """Whether sets that repeat are those of a solution.
