@@ -134,9 +134,11 @@ def next_refinement(
 ) -> NextRefinement:
     """What a requested accuracy does; residuals, which are not ``able`` to have one, get smaller cells; collective."""
     dimension, degree = tagged.dimension, statement.element.degree
-    if able and divides_cells(statement, tagged, of):
+    local = able and divides_cells(statement, tagged, of)
+    # Uniform meshes of bodies with arcs, with curved cells of degree 2, take about as long: they are fewer.
+    if local or (able and dimension == 2 and statement.remade and statement.arcs and of in LOCAL):
         unknowns, middle = _divided(statement, dimension, dofs)
-        return NextRefinement(unknowns, (middle / LOCAL_SPREAD, middle * LOCAL_SPREAD), 2, local=True)
+        return NextRefinement(unknowns, (middle / LOCAL_SPREAD, middle * LOCAL_SPREAD), 2, local=local)
     times, first = NEXT_ERROR[dimension], dofs
     if able and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
         times, degree, first = 2 * times, 2, 4 * dofs  # as in ``local_meshes``
