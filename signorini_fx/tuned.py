@@ -75,6 +75,9 @@ FEWEST_BLOCK_UNKNOWNS = 3_000
 # How far ahead of their use the entries of blocks are asked for, in bytes: 50 blocks of 3 x 3 in double precision.
 # Tuned on products with the block of tests/support/spaces.py: from 1,100 to 7,200 the time differs by a tenth.
 PREFETCHED_BYTES = 3_600
+# Multigrid for plain displacements takes three times as many steps for a Poisson's ratio of 0.49 as for one of 0.4, and
+# twenty times as many for 0.4999: above it a factorisation is taken.  Tuned on the block of tests/support/spaces.py.
+LARGEST_MULTIGRID_POISSON = 0.49
 # What a Krylov solve leaves of its residual while the sets change (inexact Newton).
 # Source: docs/evidence/whole_solves_in_space.csv.
 INEXACT_TOLERANCE = 0.03
@@ -297,8 +300,7 @@ OUTSIDE_COARSER_MESH = 0.25
 # Largest component across a plane of symmetry of a normal that is the mean over the facets of one half of a smooth
 # surface: half of the angle between facets.  Surfaces that are more askew to the plane have an edge there.  Choice.
 ASKEW_NORMAL = 0.2
-# From this Poisson's ratio on fully integrated elements lock visibly, and check says so; multigrid takes more steps,
-# three times as many for 0.49 as for 0.4, and a factorisation is taken.  Choice.
+# Above this Poisson's ratio fully integrated elements lock visibly, and check says so.  Choice.
 LOCKING_POISSON = 0.45
 
 # --- statics and limit loads -----------------------------------------------------------------------------------------

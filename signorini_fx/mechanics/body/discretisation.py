@@ -45,7 +45,7 @@ from signorini_fx.mechanics.statement.effect import InitialStrain, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Timings
-from signorini_fx.tuned import LARGEST_NUMBER, SAME_NUMBER
+from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, LARGEST_NUMBER, SAME_NUMBER
 
 M = TypeVar("M", bound=Model)
 
@@ -174,7 +174,9 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         boundary=boundary,
         settings=statement.solver,
         kinematics=kinematics,
-        compressible=not any(material.locks for material in statement.material),
+        # Ratios follow from moduli, with round-off.
+        compressible=max(material.mean_poisson for material in statement.material)
+        <= LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER),
         elastic=elastic,
         statement=statement,
         tagged=tagged,

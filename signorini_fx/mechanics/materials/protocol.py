@@ -150,6 +150,12 @@ class Material(Effect):
         mu = float((normal - lateral + 3 * shear) / 15)
         return float((normal + 2 * lateral) / 9) - 2 * mu / 3, mu
 
+    @property
+    def mean_poisson(self) -> float:
+        """A mean of Poisson's ratio; of an isotropic one in plane stress that of the same stresses in plane strain."""
+        first, second = self.lame
+        return first / (2 * (first + second)) if math.isfinite(first) else 0.5
+
     def stiffest(self, *, pressed: bool) -> float:
         """The largest normal stress per strain, ``pressed``: without a pressure that is an unknown of its own."""
         return float(self.stiffness.diagonal().max())
