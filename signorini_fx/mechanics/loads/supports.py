@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -42,8 +42,7 @@ class Supports:
     skew: list[SkewSupport]
     turned: TurnedNodes | None
     fixed: npt.NDArray[np.bool_]
-    _of: Callable[[Statement], tuple[Conditions, list[SkewSupport]]]
-    _statement: Statement
+    _place: tuple[Statement, fem.FunctionSpace, dict[str, npt.NDArray[np.int32]], TaggedMesh]
 
     @classmethod
     def of(
@@ -54,23 +53,20 @@ class Supports:
         tagged: TaggedMesh,
     ) -> Supports:
         """Those of a scene; collective."""
-
-        def found(statement: Statement) -> tuple[Conditions, list[SkewSupport]]:
-            of = statement, space, facets, tagged
-            return dirichlet_conditions(*of), skew_supports(*of)
-
-        conditions, skew = found(statement)
+        place = statement, space, facets, tagged
+        conditions, skew = dirichlet_conditions(*place), skew_supports(*place)
         owned = space.dofmap.index_map.size_local * space.mesh.geometry.dim
         fixed = prescribed(space, [condition for _, condition in conditions])[0][:owned]
-        return cls(conditions, skew, turned_nodes(statement, space, conditions, skew, fixed), fixed, found, statement)
+        return cls(conditions, skew, turned_nodes(statement, space, conditions, skew, fixed), fixed, place)
 
     def at(self, step: float) -> tuple[Conditions, TurnedNodes | None]:
         """The conditions and the turned nodes at a place in the lists of factors; collective."""
-        statement = self._statement
+        statement, space, facets, tagged = self._place
         if not any(effect.timed for effect in statement.displacement):
             return self.conditions, self.turned
         moved = tuple(effect.at_time(statement.time_at(step)) for effect in statement.displacement)
-        axes, skew = self._of(statement.changed(displacement=moved))
+        place = statement.changed(displacement=moved), space, facets, tagged
+        axes, skew = dirichlet_conditions(*place), skew_supports(*place)
         updated = [replace(initial, values=current.values) for initial, current in zip(self.skew, skew, strict=True)]
         pairs = [(effect, support) for (effect, _), (_, support) in zip(self.conditions, axes, strict=True)]
         return pairs, None if self.turned is None else replace(self.turned, supports=updated)
