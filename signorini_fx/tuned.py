@@ -121,7 +121,7 @@ POLLUTION_OF_PEAK = 2.0
 # Tuned on Example 1, against a reference solution of much higher accuracy.
 EXPECTED_RATES = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 1.5}
 # The rate of the displacement is the observed one, within these limits.  Choice.
-ENERGY_RATES = (0.5, 3.0)
+ENERGY_RATES = (0.5, 2.0)
 # Number of previous changes between meshes that an estimate uses.  Choice.
 CHANGES_USED = 3
 # The error that a polygon causes in each quantity, over ``LevelResult.polygon``; that of forces is the square of that

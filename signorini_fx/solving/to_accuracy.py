@@ -22,9 +22,9 @@ from signorini_fx.results.accuracy.convergence_table import (
     Price,
     convergence_table,
     expected_rates,
-    fineness_of,
     polygon_error_of,
     predict,
+    seen_rate,
     with_polygon,
 )
 from signorini_fx.results.accuracy.level_results import LevelResult
@@ -113,7 +113,8 @@ def solve_to_accuracy(
         if not enough or error > allowed:
             excess = error / (goal.target - min(regularisation, goal.target - allowed))
             # Its ends at nodes make the error of the pressure fall unevenly: meshes hardly finer are not worth a solve.
-            compared, rate = goal.of not in LOCAL or goal.of == "pressure", rates.get(goal.of) or _seen_rate(levels)
+            compared = goal.of not in LOCAL or goal.of == "pressure"
+            rate = rates.get(goal.of) or seen_rate(levels, level.dimension)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)
             if enough and len(levels) >= MANY_STEPS:
@@ -219,11 +220,3 @@ class Budget:
 def _estimate_on_one(level: LevelResult, goal: Accuracy) -> float | None:
     """The error that a single mesh knows; None for what is only known by comparing meshes."""
     return {"energy": level.energy, "pressure": level.pressure}.get(goal.of)
-
-
-def _seen_rate(levels: list[LevelResult]) -> float:
-    """The rate at which the error in the energy norm decreases with h; with a single mesh, that of first order."""
-    if len(levels) < 2 or not levels[-1].energy < levels[-2].energy:
-        return 1.0
-    finer = fineness_of(levels[-1].dofs / levels[-2].dofs, levels[-1].dimension)
-    return float(np.clip(np.log(levels[-2].energy / levels[-1].energy) / np.log(finer), 0.5, 2.0))

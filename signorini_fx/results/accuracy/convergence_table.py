@@ -122,6 +122,15 @@ def fineness_of(dofs: float, dimension: int) -> float:
     return float(np.sqrt(dofs) if dimension == 2 else np.cbrt(dofs))
 
 
+def seen_rate(rows: Sequence[LevelResult | Price], dimension: int) -> float:
+    """The rate at which the error in the energy norm decreases with h; with a single mesh, that of first order."""
+    last, energies = rows[-1], [row.energy for row in rows[-2:]]
+    if len(energies) < 2 or not energies[0] or not energies[1] or energies[1] >= energies[0]:
+        return 1.0
+    finer = fineness_of(last.dofs / rows[-2].dofs, dimension)
+    return float(np.clip(np.log(energies[0] / energies[1]) / np.log(finer), *ENERGY_RATES))
+
+
 def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float | None:
     """Error of contact and friction force on the last mesh, relative; None where there is no force; ``levels``: at
     least two, coarsest first; ``uniform``: whether each mesh is finer than the one before everywhere.
@@ -186,17 +195,8 @@ def predict(
     seen_finer = fineness_of(seen_growth, dimension)
     finer = seen_finer if finer is None else finer
     growth = finer**dimension
-
-    def next_error(name: str) -> float | None:
-        value = getattr(last, name)
-        return None if value is None else value / finer ** rates[name]
-
-    energy_rate = (
-        np.clip(np.log(previous.energy / last.energy) / np.log(seen_finer), *ENERGY_RATES)
-        if previous.energy and last.energy
-        else 1.0
-    )
-
+    expected = {**rates, "energy": seen_rate(rows, dimension)}
+    errors = {name: getattr(last, name) / finer**rate for name, rate in expected.items() if getattr(last, name)}
     seconds, memory = powers(last.dofs * growth, dimension, krylov_from)
     return replace(
         last,
@@ -205,12 +205,8 @@ def predict(
         dofs=round(last.dofs * growth),
         seconds=grown(last.seconds, previous.seconds, seen_growth, growth, seconds, least=LEAST_GROWING_TIME),
         memory=grown(last.memory, previous.memory, seen_growth, growth, memory, offset=base_memory),
-        energy=None if last.energy is None else float(last.energy / finer**energy_rate),
-        pressure=next_error("pressure"),
-        force=next_error("force"),
-        zone=next_error("zone"),
-        peak=next_error("peak"),
         predicted=True,
+        **errors,
     )
 
 
