@@ -203,9 +203,9 @@ class Solution:
         """
         law = None
         if self.contact is not None and self.last_step.status is Status.CONVERGED:
-            certificates = {step.step: step.certificate for step in self.shown_steps}
+            laws = {step.step: step.certificate.law for step in self.shown_steps}
             error, raises_gamma = self.parameters.get("regularisation_error"), self.statement.accuracy is not None
-            law = another_law(self.statement.solver, certificates, error, raises_gamma=raises_gamma)
+            law = another_law(self.statement.solver, laws, error, raises_gamma=raises_gamma)
         return *(() if law is None else (law,)), *self.found()
 
     @property

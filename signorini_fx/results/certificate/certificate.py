@@ -11,7 +11,7 @@ law.  The path in gamma may end at the largest gamma before it reaches the error
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -327,30 +327,14 @@ def _smaller(a: Nodal, unit_a: Nodal, b: Nodal, unit_b: Nodal) -> Nodal:
 
 
 def another_law(
-    settings: SolverSettings,
-    certificates: Mapping[int, Certificate],
-    left: float | None,
-    *,
-    raises_gamma: bool = False,
+    settings: SolverSettings, laws: Mapping[int, Law], left: float | None, *, raises_gamma: bool = False
 ) -> Finding | None:
     """A warning where the law of the load steps, by their numbers, is not the one that settings ask for; ``left``: the
     regularisation error of the last one relative to its energy norm, where a path in gamma has found it;
     ``raises_gamma``: whether an accuracy is asked for, which raises gamma as it needs to.
     """
-    laws = {step: certificate.law for step, certificate in certificates.items()}
-    if settings.algorithm == "alm":
-        others = [step for step, law in laws.items() if law.regularised]
-        if not others:
-            return None
-        worst = max((certificates[step] for step in others), key=lambda certificate: certificate.penetration)
-        message = (
-            f"'alm' was not reached{_where(laws, others)}, the regularised law with gamma_n = "
-            f"{laws[others[-1]].gamma_n:.3g} was solved instead; it leaves penetration {worst.penetration:.1e} and "
-            f"elastic slip {worst.stick_slip:.1e} times the largest displacement; raise solver.gamma_n and "
-            "solver.gamma_t to lessen them, or change the loads in smaller steps"
-        )
-        return Finding("warning", "solver.algorithm", message)
-    if raises_gamma:
+    exact = settings.algorithm == "alm"
+    if raises_gamma and not exact:
         return None
     if settings.algorithm == "path-following":
         allowed = settings.regularisation_error
@@ -363,19 +347,19 @@ def another_law(
         )
         return Finding("warning", "solver.regularisation_error", message)
     given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
-    others = [step for step, law in laws.items() if any(getattr(law, name) != given[name] for name in given)]
+    others = [
+        step
+        for step, law in laws.items()
+        if (law.regularised if exact else any(getattr(law, name) != given[name] for name in given))
+    ]
     if not others:
         return None
-    asked = ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
-    message = (
-        f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place{_where(laws, others)}; "
-        "lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
+    where = f" in load step{'s' * (len(others) > 1)} {', '.join(map(str, others))}" if len(laws) > 1 else ""
+    asked = "'alm'" if exact else ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
+    remedy = (
+        "raise solver.gamma_n and solver.gamma_t to lessen what it leaves, or change the loads in smaller steps"
+        if exact
+        else "lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
     )
-    return Finding("warning", "solver.gamma_n", message)
-
-
-def _where(steps: Iterable[int], others: list[int]) -> str:
-    """In which load steps, if there are several."""
-    if len([*steps]) == 1:
-        return ""
-    return f" in load step{'s' * (len(others) > 1)} {', '.join(map(str, others))}"
+    message = f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place{where}; {remedy}"
+    return Finding("warning", "solver.algorithm" if exact else "solver.gamma_n", message)
