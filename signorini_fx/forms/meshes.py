@@ -21,10 +21,10 @@ from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.solving import nested, to_accuracy
+from signorini_fx.solving import meshed_problem, to_accuracy
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
+from signorini_fx.solving.to_accuracy import Meshes
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
@@ -130,7 +130,7 @@ def solve_nested(
                 problem = problem.divided(2**number) if callable(mesh) else problem.on(refine(problem.tagged))
             yield problem
 
-    return _checked(nested.solve_nested(problems(), levels, first.comm, first.history))
+    return _checked(meshed_problem.solve_nested(problems(), levels, first.comm, first.history))
 
 
 def solve_to_accuracy(

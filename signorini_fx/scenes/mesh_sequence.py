@@ -28,10 +28,10 @@ from signorini_fx.scenes.mesh import load_mesh, scene_on, with_cells_alike, with
 from signorini_fx.scenes.plan import Plan, planned, scene_with
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.solving.finer_meshes import Meshes
 from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
 from signorini_fx.solving.solve_on_mesh import solve_mesh
+from signorini_fx.solving.to_accuracy import Meshes
 from signorini_fx.tuned import COARSER_START
 
 

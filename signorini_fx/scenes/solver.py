@@ -95,7 +95,7 @@ def _solved(
 
         budget = Budget.begins(scene.accuracy, comm, history)
         return solve_to_accuracy(meshes_of(scene, scene.accuracy, comm, history), budget, history)
-    from signorini_fx.solving.nested import solve_nested
+    from signorini_fx.solving.meshed_problem import solve_nested
 
     meshes = [MeshedScene(comm=comm, history=history, scene=each) for each in (*coarse, scene)]
     return solve_nested(meshes, len(meshes), comm, history, stored)

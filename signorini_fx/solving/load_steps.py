@@ -166,7 +166,7 @@ def first_start(start: Start, boundary: ContactBoundary, state: ContactState | N
     """
     if state is None:
         return start
-    from signorini_fx.solving.nested import carry_over
+    from signorini_fx.solving.meshed_problem import carry_over
 
     return start.begin_from(*carry_over(state, boundary))
 

@@ -19,7 +19,7 @@ from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.mesh_sequence import MeshedScene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
-from signorini_fx.solving.nested import solve_nested
+from signorini_fx.solving.meshed_problem import solve_nested
 
 WORLD = MPI.COMM_WORLD
 
