@@ -151,7 +151,7 @@ def begun_path(
     }
     comm, history = forms.mesh.comm, solver.history
     try:
-        stored = open_checkpoint(comm, folder, described, history, restart=restart, several_steps=path.several)
+        stored = open_checkpoint(comm, folder, described, history, restart=restart)
     except SceneError as error:
         raise FormError(error.problems, "run") from None
     solver.folders.append(place)

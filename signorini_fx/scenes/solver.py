@@ -122,8 +122,7 @@ def _checkpoint(
         return None
     from signorini_fx.solving.checkpointed_steps import open_checkpoint
 
-    by_steps = scene.statement.several_steps or scene.statement.nonlinear  # which are halved, a single one, too
-    return open_checkpoint(comm, folder, scene, history, restart=restart, several_steps=by_steps)
+    return open_checkpoint(comm, folder, scene, history, restart=restart)
 
 
 def refuse_other_than_comm(comm: object) -> None:

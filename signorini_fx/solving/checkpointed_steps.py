@@ -168,20 +168,13 @@ def open_checkpoint(
     history: History,
     *,
     restart: bool,
-    several_steps: bool,
 ) -> MeshCheckpoint:
     """The checkpoint of a run on its first mesh, and in its history what there is to go on from; arguments as of
     ``Checkpoint``; collective.
     """
     stored = Checkpoint(comm, folder, scene, restart=restart)
     if restart:
-        several = stored.found != 1
-        description = f"{stored.found} complete " + (
-            f"load step{'s' * several}" if several_steps else f"mesh{'es' * several}"
-        )
-        history.add(
-            f"restart: {description} in {stored.path}" if stored.found else f"restart: nothing in {stored.path}"
-        )
+        history.add(f"restart: {stored.found} complete load step(s) in {stored.path}")
     elif parallel.on_root(comm, stored.path.is_dir):
         history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
     return MeshCheckpoint(stored)

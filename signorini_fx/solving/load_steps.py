@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import floor
-from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import History, Status, StepRecord, Timings
+from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions, overclosures_of
 from signorini_fx.results.mechanics import SolidBody, StepResult
@@ -422,15 +422,16 @@ class StepProgress(Stepping[LoadStep]):
         start = replace(begun.start, place=place, factors=factors, several=steps.several)
         if steps.several:
             history.add(StepRecord(start.step + 1, steps.name_at(place), steps.time_at(place)))
-        problem, reason = (begun.body.model, begun.task, start, self.path.allowed), None
+        model, allowed = begun.body.model, self.path.allowed
+        reason: Finding | None = None
         with begun.body.timings.phase("iterate"):
-            if begun.body.model.statement.tightens(place):
+            if model.statement.tightens(place):
                 from signorini_fx.solving.bolt_preloads import solve_tightened
 
-                model, start, outcome, reason = solve_tightened(*problem)
+                model, start, outcome, reason = solve_tightened(model, begun.task, start, allowed)
                 begun = replace(begun, body=replace(begun.body, model=model))
             else:
-                outcome = solve_task(*problem[1:])
+                outcome = solve_task(begun.task, start, allowed)
         begun = replace(begun, start=start)
         if reason is None:
             when = f"load step {start.step + 1}: " if steps.several else ""
@@ -440,7 +441,8 @@ class StepProgress(Stepping[LoadStep]):
         return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
 
     def store(self, checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
-        model, figures = step.body.model, {"path": self.path.stored()}
+        model = step.body.model
+        figures: dict[str, Any] = {"path": self.path.stored()}
         if model.statement.preloads:
             from signorini_fx.solving.bolt_preloads import shortenings
 

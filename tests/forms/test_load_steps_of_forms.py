@@ -93,7 +93,7 @@ def test_another_problem(tmp_path):
         finer.run((1.0, 2.0), push, folder=tmp_path, restart=True)
     problem, push = block(forms.box((3.0, 1.0), (3, 1)))
     solved = problem.run((1.0, 2.0), push, folder=tmp_path, restart=True)
-    assert "restart: 2 complete load steps" in solved.history.events[0]
+    assert "restart: 2 complete load step" in solved.history.events[0]
 
 
 @pytest.mark.parametrize("change", ["tilt", "support"])
