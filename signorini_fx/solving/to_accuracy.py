@@ -26,6 +26,7 @@ from signorini_fx.results.accuracy.convergence_table import (
     Price,
     convergence_table,
     expected_rates,
+    fineness_of,
     polygon_error_of,
     predict,
     seen_rate,
