@@ -22,15 +22,10 @@ _MOST_FACETS = 5000
 
 @dataclass(frozen=True)
 class Drawing:
-    """A scaled gmsh model: the tolerances of gmsh are absolute, so the numbers should be the same in all units.
+    """A scaled gmsh model: the tolerances of gmsh are absolute, so the numbers should be the same in all units."""
 
-    Attributes:
-        gmsh: the initialised module.
-        unit: length of the model's unit.
-    """
-
-    gmsh: Any
-    unit: float
+    gmsh: Any  # the initialised module
+    unit: float  # length of the model's unit
 
     def length(self, length: float) -> float:
         """A length in the model's unit, the same number in all units of the scene: a mesh depends on every last bit."""

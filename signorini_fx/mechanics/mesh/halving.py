@@ -67,13 +67,7 @@ def halved(mesh: MeshArrays) -> MeshArrays:
 
 
 def _facets_of(children: list[list[_VertexKey]], places: Ints, cell: Cell) -> list[Ints]:
-    """For each facet of a cell the nodes of its children's facets on it, as places of the lattice, shape (parts, l).
-
-    Args:
-        children: places of the nodes of each child.
-        places: their numbers in the lattice, shape (children, nodes).
-        cell: the kind.
-    """
+    """For each facet of a cell the nodes of its children's facets on it, as places of the lattice, shape (parts, l)."""
     return [
         np.array(
             [
@@ -94,11 +88,8 @@ def _nodes(corners: list[_VertexKey], kind: Cell) -> list[_VertexKey]:
 
 
 def _on_lattice(mesh: MeshArrays, children: list[list[_VertexKey]]) -> tuple[list[_VertexKey], Ints, Floats]:
-    """The places of the nodes of children.
-
-    Returns:
-        The places, in order; the number of each in each cell, the same in all cells that share it, shape (m, places);
-        and the positions of these numbers, shape (n, d).
+    """The places of the nodes of children; the number of each in each cell, the same in all cells that share it, shape
+    (m, places); and the positions of these numbers, shape (n, d).
     """
     cell = mesh.cell
     lattice = sorted({point for child in children for point in child})
@@ -114,14 +105,8 @@ def _places(entities: list[list[_VertexKey]], lattice: list[_VertexKey]) -> Ints
 
 
 def _numbered(corners: Ints, weights: Ints) -> tuple[Ints, Ints]:
-    """A number for each place of the lattice in each cell, the same in all cells that share the place.
-
-    Args:
-        corners: of each cell, shape (m, c).
-        weights: of the corners at each place, whole numbers: with the corners' numbers they say where a place is.
-
-    Returns:
-        The numbers, shape (m, places), and for each number the first place in the flattened table that has it.
+    """A number for each place of the lattice in each cell, the same in all cells that share it, shape (m, places), and
+    for each number the first place in the flattened table.  Corners and their weights say where a place is.
     """
     count, weight_bound = int(corners.max()) + 1, int(weights.max()) + 1
     number = np.empty((len(corners), len(weights)), dtype=np.int64)

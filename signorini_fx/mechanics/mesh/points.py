@@ -166,15 +166,8 @@ def _inverse(slope: Array) -> Array:
 
 
 def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
-    """The places in the reference cell that cells map to the origin, by Newton's method.
-
-    Args:
-        element: of the geometry.
-        corners: the nodes of each cell relative to the point, in sizes of the cell, shape (n, nodes, d).
-        reference: where to begin, shape (n, d); changed.
-
-    Returns:
-        Shape (n, d); for a point far outside its cell somewhere at the bounds.
+    """The places in the reference cell that cells map to the origin, by Newton's method from ``reference`` on; far
+    outside somewhere at the bounds.  ``corners``: of each cell relative to the point, in sizes of the cell.
     """
     moving = np.arange(len(corners))
     for _ in range(MANY_STEPS):

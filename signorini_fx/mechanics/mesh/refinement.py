@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
@@ -20,11 +20,10 @@ from mpi4py import MPI
 
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.mesh.files.cells import kind_of_mesh, order_of_nodes
+from signorini_fx.mechanics.mesh.files.size_field import SizeField, edges_of
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_arrays
 from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
-
-if TYPE_CHECKING:
-    from signorini_fx.mechanics.mesh.files.size_field import SizeField
 
 Floats = npt.NDArray[np.float64]
 
@@ -165,10 +164,6 @@ def shorter_lengths(
 
 def lengths_of_cells(tagged: TaggedMesh) -> Floats:
     """The mean length of the edges of each owned cell, shape (cells,)."""
-    from signorini_fx.mechanics.mesh.distribution import kind_of_mesh
-    from signorini_fx.mechanics.mesh.files.cells import order_of_nodes
-    from signorini_fx.mechanics.mesh.files.size_field import edges_of
-
     kind, x = kind_of_mesh(tagged.mesh), tagged.mesh.geometry.x
     assert kind is not None
     owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
@@ -192,8 +187,6 @@ def size_fields(
     Returns:
         A field on each part, on the first rank; without cells on the others.
     """
-    from signorini_fx.mechanics.mesh.files.size_field import SizeField
-
     comm, dim, of_part = tagged.mesh.comm, tagged.dimension, np.full(len(lengths), -1)
     for number, members in enumerate(parts):
         of_part[members[members < len(of_part)]] = number
@@ -224,15 +217,8 @@ def size_fields(
 def _affordable(
     sizes: Floats, longest: Floats, corners: npt.NDArray[np.int64], old: Floats, dimension: int, finer: float
 ) -> Floats:
-    """The lengths at all nodes, longer by a factor where these take too many cells, up to the longest ones.
-
-    Args:
-        sizes: at all nodes, length, shape (n,).
-        longest: those of the mesh, shape (n,).
-        corners: of each cell, shape (cells, c).
-        old: length of each cell of the mesh, shape (cells,).
-        dimension: of the mesh.
-        finer: see ``size_fields``.
+    """The lengths ``sizes`` at all nodes, longer by a factor where these take too many cells, up to those of the mesh,
+    ``longest`` at nodes and ``old`` of cells.
     """
 
     def longer(factor: float) -> Floats:

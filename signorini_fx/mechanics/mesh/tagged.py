@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import mesh as dmesh
+from dolfinx.graph import adjacencylist
+from dolfinx.io import distribute_entity_data
 from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial import ConvexHull, QhullError
@@ -31,9 +33,11 @@ from signorini_fx.tuned import SAME_LENGTH
 if TYPE_CHECKING:
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Selection
     from signorini_fx.mechanics.mesh.files.cells import Ints
-    from signorini_fx.mechanics.mesh.files.formats import Tags
     from signorini_fx.mechanics.mesh.files.size_field import Sizes
     from signorini_fx.mechanics.statement.statement import Statement
+
+# Name of a boundary or region -> its tags.
+_Tags = dict[str, tuple[int, ...]]
 
 
 @dataclass(frozen=True, repr=False)
@@ -372,25 +376,43 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
     Raises:
         MeshError: cells have different nodes in the middle of the same edge or face, or one in the middle of two.
     """
-    from signorini_fx.mechanics.mesh.distribution import from_root
-    from signorini_fx.mechanics.mesh.files.arrays import combinations
-    from signorini_fx.mechanics.mesh.files.cells import CELLS
+    from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, combinations
+    from signorini_fx.mechanics.mesh.files.cells import CELLS, order_of_nodes
 
-    arrays_on_root: list[tuple[MeshArrays, Ints, Ints]] = []
+    on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
-    def made() -> tuple[str, int, Tags, Tags, Mapping[str, int]]:
+    def made() -> tuple[str, int, _Tags, _Tags, Mapping[str, int]]:
         arrays = make()
-        of_side, sides = combinations(arrays.boundaries, len(arrays.facets))
+        of_facet, sides = combinations(arrays.boundaries, len(arrays.facets))
         of_cell, parts = combinations(arrays.regions, len(arrays.cells))
-        arrays_on_root.append((arrays, of_side, of_cell))
+        on_root.append((arrays, of_facet, of_cell))
         return arrays.kind, len(arrays.points), sides, parts, arrays.astray
 
     kind, nodes, sides, parts, astray = parallel.on_root(comm, made)
-    held = arrays_on_root.pop() if arrays_on_root else None
-    mesh, facet_tags, cell_tags = from_root(comm, CELLS[kind], held)
+    cell, facet = CELLS[kind], CELLS[CELLS[kind].facet]
+    none: Ints = np.empty(0, dtype=np.int64)
+    empty = none.reshape(0, len(cell.nodes)), none.reshape(0, len(facet.nodes))
+    nothing = MeshArrays(np.empty((0, cell.dim)), kind, *empty, {}, {}), none, none
+    arrays, of_facet, of_cell = on_root.pop() if on_root else nothing
+    even = basix.ufl.element(
+        "Lagrange", cell.basix_type.name, cell.degree, basix.LagrangeVariant.equispaced, shape=(cell.dim,)
+    )
+    cells, facets = arrays.cells[:, order_of_nodes(cell)], arrays.facets[:, order_of_nodes(facet)]
+    mesh = dmesh.create_mesh(comm, cells=cells, x=arrays.points, e=ufl.Mesh(even))
     if mesh.geometry.index_map().size_global != nodes:
         raise MeshError("cells cross: a node in the middle of edges or faces belongs to two of them, or two to one")
-    return TaggedMesh(mesh, facet_tags, _plain(sides), cell_tags if parts else None, _plain(parts), left_out=astray)
+    tags = _meshtags(mesh, cell.dim - 1, facets, of_facet), _meshtags(mesh, cell.dim, cells, of_cell)
+    boundaries, regions = _plain(sides), _plain(parts)
+    return TaggedMesh(mesh, tags[0], boundaries, tags[1] if parts else None, regions, left_out=astray)
+
+
+def _meshtags(mesh: dmesh.Mesh, dim: int, nodes: Ints, values: Ints) -> dmesh.MeshTags:
+    """Tags of entities, given on the first rank by their nodes in dolfinx's order; 0 is none."""
+    has_tag = values > 0
+    local, of_local = distribute_entity_data(mesh, dim, nodes[has_tag], values[has_tag].astype(np.int32))
+    mesh.topology.create_connectivity(dim, 0)
+    mesh.topology.create_connectivity(dim, mesh.topology.dim)
+    return dmesh.meshtags_from_entities(mesh, dim, adjacencylist(local), of_local.astype(np.int32, copy=False))
 
 
 def arrays_of(tagged: TaggedMesh) -> MeshArrays:
@@ -399,9 +421,8 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     Raises:
         MeshError: its geometry has a degree above 2.
     """
-    from signorini_fx.mechanics.mesh.distribution import kind_of_mesh
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, rows_of, sides_of
-    from signorini_fx.mechanics.mesh.files.cells import CELLS, order_of_nodes
+    from signorini_fx.mechanics.mesh.files.cells import CELLS, kind_of_mesh, order_of_nodes
 
     mesh, comm, dim = tagged.mesh, tagged.mesh.comm, tagged.dimension
     kind, nodes = kind_of_mesh(mesh), mesh.geometry.index_map()
@@ -601,8 +622,5 @@ def tag_boundaries(
     _, numbers = np.unique(np.concatenate((patterns, holds)), axis=0, return_inverse=True)
     tags = numbers.ravel()[len(patterns) :] + 1
     facet_tags = dmesh.meshtags(mesh, dim, facets, tags.astype(np.int32))
-    return TaggedMesh(
-        mesh,
-        facet_tags,
-        _plain({name: tuple(map(int, np.flatnonzero(patterns[:, marker]) + 1)) for marker, name in enumerate(rules)}),
-    )
+    names = {name: tuple(map(int, np.flatnonzero(holds) + 1)) for name, holds in zip(rules, patterns.T, strict=True)}
+    return TaggedMesh(mesh, facet_tags, _plain(names))

@@ -29,21 +29,15 @@ def plain(values: npt.NDArray[Any]) -> Any:
 
 @dataclass
 class RawMesh:
-    """The content of a file in meshio's layout: blocks of elements of one kind, sets and data block by block.
+    """The content of a file in meshio's layout: blocks of elements of one kind, sets and data block by block."""
 
-    Attributes:
-        points: positions, shape (n, 2) or (n, 3).
-        blocks: (kind in meshio's words, nodes of shape (elements, nodes of each)).
-        sets: name -> for each block the numbers of its elements that belong.
-        node_sets: name -> numbers of points.
-        data: name -> for each block the whole number of each element, shape (elements,), or where an element may have
-            several its numbers, shape (elements, k); below 0 is none.
-    """
-
-    points: Floats
-    blocks: list[tuple[str, Ints]]
+    points: Floats  # positions, shape (n, 2) or (n, 3)
+    blocks: list[tuple[str, Ints]]  # (kind in meshio's words, nodes of shape (elements, nodes of each))
+    # name -> for each block the numbers of its elements that belong
     sets: dict[str, list[Ints]] = field(default_factory=dict)
-    node_sets: dict[str, Ints] = field(default_factory=dict)
+    node_sets: dict[str, Ints] = field(default_factory=dict)  # name -> numbers of points
+    # name -> for each block the whole number of each element, shape (elements,), or where an element may have several
+    # its numbers, shape (elements, k); below 0 is none
     data: dict[str, list[Ints]] = field(default_factory=dict)
 
 
@@ -91,25 +85,16 @@ def rows_of(wanted: Ints, table: Ints) -> Ints:
 
 @dataclass(frozen=True)
 class MeshArrays:
-    """A mesh of one kind of cell in 2D or in 3D, with the names of its boundaries and regions.
+    """A mesh of one kind of cell in 2D or in 3D, with the names of its boundaries and regions."""
 
-    Attributes:
-        points: positions of the nodes, each of which belongs to a cell, shape (n, d).
-        kind: a kind of cell of ``CELLS``, of d dimensions.
-        cells: nodes of each cell in the order of its kind, shape (m, k).
-        facets: nodes of each exterior facet, and of those inside the body that have a name, in the order of their
-            kind, shape (f, l).
-        boundaries: name -> rows of ``facets``, sorted; boundaries may overlap.
-        regions: name -> rows of ``cells``, sorted; regions may overlap.
-        astray: name of a boundary -> how many of the elements that it has in the file are no sides of cells.
-    """
-
-    points: Floats
-    kind: str
-    cells: Ints
+    points: Floats  # positions of the nodes, each of which belongs to a cell, shape (n, d)
+    kind: str  # a kind of cell of ``CELLS``, of d dimensions
+    cells: Ints  # nodes of each cell in the order of its kind, shape (m, k)
+    # nodes of each exterior facet, and of named ones inside the body, in the order of their kind, shape (f, l)
     facets: Ints
-    boundaries: Mapping[str, Ints]
-    regions: Mapping[str, Ints]
+    boundaries: Mapping[str, Ints]  # name -> rows of ``facets``, sorted; boundaries may overlap
+    regions: Mapping[str, Ints]  # name -> rows of ``cells``, sorted; regions may overlap
+    # name of a boundary -> how many of the elements that it has in the file are no sides of cells
     astray: Mapping[str, int] = field(default_factory=dict)
 
     @property
@@ -240,19 +225,12 @@ def _corners_of(kind: str) -> int:
 
 @dataclass(frozen=True)
 class _Entities:
-    """Entities that can have names: the exterior facets, or the cells.
+    """Entities that can have names: the exterior facets, or the cells."""
 
-    Attributes:
-        key: the key of the scene for their names.
-        word: the word for them in messages.
-        rows: block of the raw mesh -> which of them each element is, -1: none.
-        nodes: corners of each cell or exterior facet.
-    """
-
-    key: str
-    word: str
-    rows: Mapping[int, Ints]
-    nodes: Ints
+    key: str  # the key of the scene for their names
+    word: str  # the word for them in messages
+    rows: Mapping[int, Ints]  # block of the raw mesh -> which of them each element is, -1: none
+    nodes: Ints  # corners of each cell or exterior facet
 
     def take(self, members: Mapping[int, Ints]) -> Ints:
         """The entities that are elements ``members[block]``, sorted."""
@@ -405,13 +383,7 @@ def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
 
 
 def _inside(named: Ints, sides: Ints, exterior: Ints) -> Ints:
-    """The sides of cells inside the body with the corners of some named facets, each once.
-
-    Args:
-        named: corners of the named facets, shape (n, c).
-        sides: see ``sides_of``.
-        exterior: the exterior facets.
-    """
+    """The sides of cells inside the body with the corners of some named facets, each once."""
     width = named.shape[1]
     wanted = named[rows_of(named, exterior[:, :width]) < 0]
     if not wanted.size:

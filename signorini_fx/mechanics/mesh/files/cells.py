@@ -30,25 +30,16 @@ _CHUNK = 20_000
 
 @dataclass(frozen=True)
 class Cell:
-    """A kind of element.
+    """A kind of element."""
 
-    Attributes:
-        kind: in meshio's words.
-        word: the plural for messages.
-        corners: their places on the reference cell, whole numbers, shape (corners, dim).
-        nodes: for each node the corners that it is in the middle of; a corner is in the middle of itself.
-        facets: corners of each facet, along its perimeter.
-        facet: kind of the facets, "" for an element that is a line.
-        gmsh: number of gmsh.
-    """
-
-    kind: str
-    word: str
-    corners: tuple[Corners, ...]
+    kind: str  # in meshio's words
+    word: str  # the plural for messages
+    corners: tuple[Corners, ...]  # their places on the reference cell, whole numbers, shape (corners, dim)
+    # for each node the corners that it is in the middle of; a corner is in the middle of itself
     nodes: tuple[Corners, ...]
-    facets: tuple[Corners, ...]
-    facet: str
-    gmsh: int
+    facets: tuple[Corners, ...]  # corners of each facet, along its perimeter
+    facet: str  # kind of the facets, "" for an element that is a line
+    gmsh: int  # number of gmsh
 
     @property
     def dim(self) -> int:
@@ -142,6 +133,14 @@ _ALL_CELLS = (
     _made("hexahedron27", _CUBE, (*_EDGES_8, *_FACES_8, tuple(range(8))), 12),
 )
 CELLS = {cell.kind: cell for cell in _ALL_CELLS}
+
+
+def kind_of_mesh(mesh: Any) -> Cell | None:
+    """The kind of the cells of a mesh of dolfinx; None for a geometry of a degree above 2."""
+    from signorini_fx.machine import compat
+
+    word, degree = mesh.topology.cell_name(), compat.geometry_degree(mesh)
+    return next((cell for cell in CELLS.values() if (cell.basix_type.name, cell.degree) == (word, degree)), None)
 
 
 def order_of_nodes(kind: Cell) -> Ints:

@@ -17,15 +17,13 @@ import numpy as np
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, RawMesh, Selection, from_raw
-from signorini_fx.mechanics.mesh.files.cells import is_straight, order_of_nodes
+from signorini_fx.mechanics.mesh.files.cells import is_straight, kind_of_mesh, order_of_nodes
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, read_gmsh
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes
 from signorini_fx.mechanics.mesh.halving import halved, straightened
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN
 
 _FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
-# Name of a boundary or region -> its tags.
-Tags = dict[str, tuple[int, ...]]
 
 
 def read_file(
@@ -155,7 +153,6 @@ def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
     from dolfinx.io import XDMFFile
 
     from signorini_fx.machine import compat
-    from signorini_fx.mechanics.mesh.distribution import kind_of_mesh
 
     with XDMFFile(mpi4py.MPI.COMM_SELF, file, "r") as xdmf:
         mesh = xdmf.read_mesh(name=names[0])

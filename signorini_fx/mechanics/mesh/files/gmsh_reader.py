@@ -175,14 +175,8 @@ def _check_ends(file: Path, form: str) -> None:
 
 
 def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozenset()) -> None:
-    """Refuse a script with a word that starts programs, writes files, or reads files outside its folder.
-
-    The language of gmsh has such words, and drawings of others may contain them.
-
-    Args:
-        file: the script.
-        name: of the file that a scene names, in messages; "" if it is this one.
-        checked: the scripts that include it.
+    """Refuse a script with a word of gmsh's language that starts programs, writes files, or reads files outside its
+    folder; ``name``: of the script in the scene, and the ones ``checked`` include this one.
     """
     where = f"{name}: {file.name}" if name else str(file)
     text = file.read_text(encoding="utf-8-sig", errors="replace")

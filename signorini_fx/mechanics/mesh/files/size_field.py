@@ -25,17 +25,11 @@ _VIEWS = {(2, 3): "ST", (2, 4): "SQ", (3, 4): "SS", (3, 8): "SH"}
 
 @dataclass(frozen=True, eq=False)
 class SizeField:
-    """Lengths of cells at the corners of a mesh.
+    """Lengths of cells at the corners of a mesh."""
 
-    Attributes:
-        points: positions, shape (n, d).
-        cells: corners of each cell in gmsh's order, shape (m, c).
-        sizes: length of the cells at each point, shape (n,).
-    """
-
-    points: Floats
-    cells: Ints
-    sizes: Floats
+    points: Floats  # positions, shape (n, d)
+    cells: Ints  # corners of each cell in gmsh's order, shape (m, c)
+    sizes: Floats  # length of the cells at each point, shape (n,)
 
     def apply(self, gmsh: Any, unit: float = 1.0) -> None:
         """Let the current model of gmsh have cells of these lengths alone, whatever its own settings are.
