@@ -38,21 +38,13 @@ _Motion = Callable[[Floats], Floats]
 
 @dataclass
 class _Scope:
-    """An instance, or the assembly with all else.
+    """An instance, or the assembly with all else."""
 
-    Attributes:
-        name: as it is written; empty: that of the assembly.
-        blocks: its keywords.
-        move: from its coordinates to those of the assembly; None: they are the same.
-        first: what is added to its numbers.
-        names: of its sets and surfaces, in capitals.
-    """
-
-    name: str
-    blocks: list[DeckBlock] = field(default_factory=list)
-    move: _Motion | None = None
-    first: int = 0
-    names: set[str] = field(default_factory=set)
+    name: str  # as it is written; empty: that of the assembly
+    blocks: list[DeckBlock] = field(default_factory=list)  # its keywords
+    move: _Motion | None = None  # from its coordinates to those of the assembly; None: they are the same
+    first: int = 0  # what is added to its numbers
+    names: set[str] = field(default_factory=set)  # of its sets and surfaces, in capitals
 
 
 def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
@@ -149,17 +141,11 @@ def _largest_number(block: DeckBlock) -> int:
 
 @dataclass(frozen=True)
 class _Names:
-    """How names and numbers of instances are written in the whole.
+    """How names and numbers of instances are written in the whole."""
 
-    Attributes:
-        whole: all that is outside of instances.
-        instances: by their names in capitals.
-        counts: how many of them have a name.
-    """
-
-    whole: _Scope
-    instances: dict[str, _Scope]
-    counts: Counter[str]
+    whole: _Scope  # all that is outside of instances
+    instances: dict[str, _Scope]  # by their names in capitals
+    counts: Counter[str]  # how many of them have a name
 
     def word(self, word: str, scope: _Scope, *, numbered: bool = True) -> str:
         """A set, a surface, a node or an element as it is called in the whole.

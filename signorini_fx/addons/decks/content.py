@@ -19,25 +19,15 @@ from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, dimension
 
 @dataclass
 class DeckLoad:
-    """A boundary condition or a load with its value in the steps that give one; in others it stays as it was.
+    """A boundary condition or a load with its value in the steps that give one; in others it stays as it was."""
 
-    Attributes:
-        table: of the scene.
-        target: name of its boundary, or number of its reference node.
-        keys: of the table.
-        block: the first keyword that gives it.
-        direction: share of the value in each key.
-        lines: of its table besides the keys.
-        values: step -> value; None: it ends with this step.
-    """
-
-    table: str
-    target: str
-    keys: tuple[str, ...]
-    block: DeckBlock
-    direction: tuple[float, ...] = (1.0,)
-    lines: tuple[str, ...] = ()
-    values: dict[int, float | None] = field(default_factory=dict)
+    table: str  # of the scene
+    target: str  # name of its boundary, or number of its reference node
+    keys: tuple[str, ...]  # of the table
+    block: DeckBlock  # the first keyword that gives it
+    direction: tuple[float, ...] = (1.0,)  # share of the value in each key
+    lines: tuple[str, ...] = ()  # of its table besides the keys
+    values: dict[int, float | None] = field(default_factory=dict)  # step -> value; None: it ends with this step
 
     def by_step(self, steps: int) -> list[float | None]:
         """Its value in each step, None where there is none; a value before the first step holds in all."""
@@ -59,86 +49,58 @@ class DeckSection:
 
 @dataclass
 class Interaction:
-    """A *SURFACE INTERACTION.
+    """A *SURFACE INTERACTION."""
 
-    Attributes:
-        coefficient: of friction.
-        cap: the largest shear, stress; None: there is none.
-        sticking: stiffness of sticking, stress per length; None: the file gives none.
-        behaviour: the last *SURFACE BEHAVIOR.
-        stiffness: of contact, stress per length; None: it is hard.
-        tied: whether both sides are bonded.
-    """
-
-    coefficient: float = 0.0
-    cap: float | None = None
-    sticking: float | None = None
-    behaviour: DeckBlock | None = None
-    stiffness: float | None = None
-    tied: bool = False
+    coefficient: float = 0.0  # of friction
+    cap: float | None = None  # the largest shear, stress; None: there is none
+    sticking: float | None = None  # stiffness of sticking, stress per length; None: the file gives none
+    behaviour: DeckBlock | None = None  # the last *SURFACE BEHAVIOR
+    stiffness: float | None = None  # of contact, stress per length; None: it is hard
+    tied: bool = False  # whether both sides are bonded
 
 
 @dataclass(frozen=True)
 class SurfacePair:
-    """A contact pair or, without an interaction, a tie.
+    """A contact pair or, without an interaction, a tie."""
 
-    Attributes:
-        slave: the name of its dependent surface.
-        master: that of the other one.
-        interaction: its name, in capitals; None: it is a tie.
-        block: the keyword.
-        adjust: ADJUST, a length or a set of nodes; None: it is not given.
-    """
-
-    slave: str
-    master: str
-    interaction: str | None
-    block: DeckBlock
-    adjust: str | None = None
+    slave: str  # the name of its dependent surface
+    master: str  # that of the other one
+    interaction: str | None  # its name, in capitals; None: it is a tie
+    block: DeckBlock  # the keyword
+    adjust: str | None = None  # ADJUST, a length or a set of nodes; None: it is not given
 
 
 @dataclass
 class Deck:
-    """What has been read, and remarks on what is not.
+    """What has been read, and remarks on what is not."""
 
-    Attributes:
-        mesh: the mesh as the scene has it, its boundaries outside alone.
-        model: the mesh and the keywords of the file.
-        inside: name of a boundary -> how many of its facets are inside the body.
-        said: (keyword, remark, whether the answer changes) -> places in the file.
-        material: the current *MATERIAL; ``interaction`` likewise.
-        assumed: the assumption of plane elements, of which ``hypothesis`` is the key.
-        ends: step -> the total time at its end.
-        temperatures: those of the nodes at the end of each step that changes them, and at rest as step -1.
-        bolts: reference node of a *PRE-TENSION SECTION -> its surface.
-        nonlinear: the last step with NLGEOM; None: there is none.
-    """
-
-    mesh: MeshArrays
-    model: DeckModel
-    inside: Mapping[str, int]
+    mesh: MeshArrays  # the mesh as the scene has it, its boundaries outside alone
+    model: DeckModel  # the mesh and the keywords of the file
+    inside: Mapping[str, int]  # name of a boundary -> how many of its facets are inside the body
+    # (keyword, remark, whether the answer changes) -> places in the file
     remark_places: dict[tuple[str, str, bool], list[str]] = field(default_factory=dict)
     title: str = ""
-    material: str = ""
+    material: str = ""  # the current *MATERIAL; ``interaction`` likewise
     materials: dict[str, dict[str, Any]] = field(default_factory=dict)
     sections: list[DeckSection] = field(default_factory=list)
     hypothesis: str = ""
-    assumed: str = ""
+    assumed: str = ""  # the assumption of plane elements, of which ``hypothesis`` is the key
     thickness: float = 1.0
     steps: list[str] = field(default_factory=list)
     period: float = 1.0
     time: float = 0.0
-    ends: dict[int, float] = field(default_factory=dict)
-    nonlinear: DeckBlock | None = None
+    ends: dict[int, float] = field(default_factory=dict)  # step -> the total time at its end
+    nonlinear: DeckBlock | None = None  # the last step with NLGEOM; None: there is none
     loads: dict[tuple[Any, ...], DeckLoad] = field(default_factory=dict)
     ended: set[tuple[int, str]] = field(default_factory=set)
     amplitudes: dict[str, DeckBlock] = field(default_factory=dict)
+    # those of the nodes at the end of each step that changes them, and at rest as step -1
     temperatures: dict[int, Floats] = field(default_factory=dict)
     heating: list[DeckBlock] = field(default_factory=list)
     interaction: str = ""
     interactions: dict[str, Interaction] = field(default_factory=dict)
     pairs: list[SurfacePair] = field(default_factory=list)
-    bolts: dict[int, str] = field(default_factory=dict)
+    bolts: dict[int, str] = field(default_factory=dict)  # reference node of a *PRE-TENSION SECTION -> its surface
 
     @property
     def kinematics(self) -> Kinematics:

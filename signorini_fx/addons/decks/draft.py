@@ -41,19 +41,12 @@ _PROCEDURES = {"STATIC", *(keyword for keyword, effect in keywords.LOST.items() 
 
 @dataclass(frozen=True)
 class Draft:
-    """A scene that was drafted from an input file.
+    """A scene that was drafted from an input file."""
 
-    Attributes:
-        text: of the scene file.
-        lost: what the scene lacks, so that its solution is another one; the scene says it itself.
-        noted: what is put in another way, or does not change the solution.
-        deck: what was read.
-    """
-
-    text: str
-    lost: list[str]
-    noted: list[str]
-    deck: Deck
+    text: str  # of the scene file
+    lost: list[str]  # what the scene lacks, so that its solution is another one; the scene says it itself
+    noted: list[str]  # what is put in another way, or does not change the solution
+    deck: Deck  # what was read
 
 
 def draft(file: Path, target: Path) -> Draft:

@@ -91,41 +91,26 @@ def faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
 
 @dataclass(frozen=True)
 class Group:
-    """Nodes or faces to which a keyword gives the same, one by one.
+    """Nodes or faces to which a keyword gives the same, one by one."""
 
-    Attributes:
-        name: of the set that they make.
-        words: what is given, as in a row for a set.
-        nodes: their numbers in the file; of faces none.
-        values: of each node or face what is given there.
-    """
-
-    name: str
-    words: Words
-    nodes: tuple[int, ...]
-    values: tuple[float, ...]
+    name: str  # of the set that they make
+    words: Words  # what is given, as in a row for a set
+    nodes: tuple[int, ...]  # their numbers in the file; of faces none
+    values: tuple[float, ...]  # of each node or face what is given there
 
 
 @dataclass(frozen=True)
 class DeckModel:
-    """An Abaqus input file.
+    """An Abaqus input file."""
 
-    Attributes:
-        raw: its mesh.
-        blocks: its keywords.
-        groups: number of a keyword -> the sets of single nodes and faces to which it gives something.
-        undefined: name of a surface -> how many of its faces are those of no element of the body.
-        places: number of a node -> its row in the mesh.
-        surfaces: name of a surface -> its elements, each with a face from 1 on.
-        bodies: names of the parts that share no node, if there are several and the file gives nodes values.
-    """
-
-    raw: RawMesh
-    blocks: list[DeckBlock]
+    raw: RawMesh  # its mesh
+    blocks: list[DeckBlock]  # its keywords
+    # number of a keyword -> the sets of single nodes and faces to which it gives something
     groups: dict[int, list[Group]]
-    undefined: dict[str, int]
-    places: Numbering
-    surfaces: dict[str, list[tuple[int, int]]]
+    undefined: dict[str, int]  # name of a surface -> how many of its faces are those of no element of the body
+    places: Numbering  # number of a node -> its row in the mesh
+    surfaces: dict[str, list[tuple[int, int]]]  # name of a surface -> its elements, each with a face from 1 on
+    # names of the parts that share no node, if there are several and the file gives nodes values
     bodies: tuple[str, ...]
 
 
@@ -363,22 +348,15 @@ class _Reader:
 
 
 class _Elements:
-    """The elements of a file.
-
-    Attributes:
-        blocks: the keywords that define some.
-        parts: of each its kind in meshio's words, and the numbers of the nodes of its elements, shape (m, k).
-        first: the first element of each, in the order of the file.
-        rows: the numbers of all elements.
-        part: of each element the number of its keyword among ``blocks``, shape (n,).
-        solid: which ones are no lines, shape (n,).
-    """
+    """The elements of a file."""
 
     def __init__(self, parts: Sequence[tuple[DeckBlock, str, Ints]]) -> None:
-        self.blocks = [block for block, _, _ in parts]
+        self.blocks = [block for block, _, _ in parts]  # the keywords that define some
+        # of each its kind in meshio's words, and the numbers of the nodes of its elements, shape (m, k)
         self.parts = [(kind, table[:, 1:]) for _, kind, table in parts]
         sizes = [len(table) for _, _, table in parts]
-        self.first = np.cumsum([0, *sizes])
+        self.first = np.cumsum([0, *sizes])  # element of each keyword, in the order of the file
+        # of each element the number of its keyword among ``blocks``, shape (n,)
         self.part = np.repeat(np.arange(len(parts)), sizes)
         self.rows = Numbering(np.concatenate([_NO_NUMBERS, *(table[:, 0] for _, _, table in parts)]))
         if self.rows.again.size:

@@ -46,25 +46,15 @@ ROTATIONS = range(4, 7)
 
 @dataclass
 class DeckBlock:
-    """A keyword with its parameters and its data lines.
+    """A keyword with its parameters and its data lines."""
 
-    Attributes:
-        keyword: in capitals and without blanks, which the programs ignore.
-        parameters: in capitals -> value.
-        line: in the file, from 1.
-        name: the keyword as it is written, in capitals.
-        file: the included file that has it, by its name there; empty: the input file itself.
-        number: of the keyword, counted over all files.
-        texts: its data lines, in one or several texts.
-    """
-
-    keyword: str
-    parameters: dict[str, str]
-    line: int
-    name: str = ""
-    file: str = ""
-    number: int = 0
-    texts: list[str] = field(default_factory=list)
+    keyword: str  # in capitals and without blanks, which the programs ignore
+    parameters: dict[str, str]  # in capitals -> value
+    line: int  # in the file, from 1
+    name: str = ""  # the keyword as it is written, in capitals
+    file: str = ""  # the included file that has it, by its name there; empty: the input file itself
+    number: int = 0  # of the keyword, counted over all files
+    texts: list[str] = field(default_factory=list)  # its data lines, in one or several texts
 
     @cached_property
     def rows(self) -> Sequence[list[str]]:
