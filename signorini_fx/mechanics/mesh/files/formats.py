@@ -105,8 +105,8 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
     Raises:
         MeshError: it cannot be read, or meshio or h5py is not installed.
     """
-    form = _format(kind)
     try:
+        form = importlib.import_module(f"meshio.{kind}")
         silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
         with silent[0], silent[1], np.errstate(over="ignore"):
             grids = ElementTree.parse(file).getroot().findall("./Domain/Grid") if kind == "xdmf" else []
@@ -116,15 +116,6 @@ def read_meshio(file: Path, kind: str) -> RawMesh:
     except (Exception, SystemExit) as error:  # meshio passes on whatever its parsers raise
         reason = str(error) or type(error).__name__
         raise MeshError(f"{file}: meshio cannot read it as {kind}: {reason}") from None
-
-
-def _format(kind: str) -> Any:
-    try:
-        if kind == "med":
-            importlib.import_module("h5py")
-        return importlib.import_module(f"meshio.{kind}")
-    except ModuleNotFoundError as error:
-        raise MeshError(f".{kind} needs the Python package {error.name}: apt install python3-{error.name}") from None
 
 
 def _of_meshio(mesh: Any) -> RawMesh:
