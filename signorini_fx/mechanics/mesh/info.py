@@ -31,7 +31,7 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
     diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
 
     def facets(named: Ints) -> dict[str, Any]:
-        rows = named[mesh.outside[named]]
+        rows = named[named < mesh.exterior]
         figures: dict[str, Any] = {"facets": len(rows), of_facets: float(areas[rows].sum())}
         return figures | ({"bounds": _bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
 
@@ -45,7 +45,7 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         "points": len(mesh.points),
         "bounds": _bounds(mesh.points),
         measure: float(size.sum()),
-        around: float(areas[mesh.outside].sum()),
+        around: float(areas[: mesh.exterior].sum()),
         "pieces": _pieces(mesh),
         "coincident": _coincident(mesh.points, NOTHING_LEFT * diagonal),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},

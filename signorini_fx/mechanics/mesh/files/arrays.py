@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -96,6 +95,7 @@ class MeshArrays:
     regions: Mapping[str, Ints]  # name -> rows of ``cells``, sorted; regions may overlap
     # name of a boundary -> how many of the elements that it has in the file are no sides of cells
     astray: Mapping[str, int] = field(default_factory=dict)
+    inner: int = 0  # how many facets, the last ones, are inside the body
 
     @property
     def cell(self) -> Cell:
@@ -122,12 +122,10 @@ class MeshArrays:
         """Corners of each facet along its perimeter, shape (f, c)."""
         return self.facets[:, : len(self.facet.corners)]
 
-    @cached_property
-    def outside(self) -> npt.NDArray[np.bool_]:
-        """Which facets are exterior ones, shape (f,)."""
-        sides = sides_of(self.cells, self.cell)[:, : len(self.facet.corners)]
-        keys = row_keys(np.concatenate((self.facet_corners, sides)))
-        return np.bincount(keys[len(self.facets) :])[keys[: len(self.facets)]] == 1
+    @property
+    def exterior(self) -> int:
+        """How many facets are exterior ones; they are the first ones in a mesh as its file has it."""
+        return len(self.facets) - self.inner
 
     @property
     def degree(self) -> int:
@@ -215,7 +213,7 @@ def from_raw(
                 problems.append((f"mesh.{entities.key}.{label}", message))
     if problems:
         raise SceneError(problems)
-    return MeshArrays(points, kind, cells, facets, names, names_of_parts, astray)
+    return MeshArrays(points, kind, cells, facets, names, names_of_parts, astray, len(facets) - len(exterior))
 
 
 def _corners_of(kind: str) -> int:
