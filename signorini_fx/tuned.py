@@ -366,8 +366,6 @@ SHORTEST_CHILD = 0.25
 # Half of the facets may not be longer than this times what was asked for.  Choice: the longest edges of triangles of
 # gmsh are 1.2 times as long as their mean.
 LONGEST_FACET = 1.4
-# Reference coordinates within which the place of a point in a cell is sought.  Choice.
-REFERENCE_BOUNDS = -1.0, 2.0
 # A point outside the convex hull of those of a table is moved towards their middle by this share of its distance, for a
 # curved boundary between the nodes of another mesh.  Choice.
 OUTSIDE_HULL = 0.02

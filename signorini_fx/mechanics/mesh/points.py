@@ -19,7 +19,7 @@ from dolfinx import geometry
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT, REFERENCE_BOUNDS
+from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
@@ -134,7 +134,7 @@ def cells_of_points(
                 # Lengths of the cell, so that no unit matters.
                 corners = (nodes[cell] - x[point, None, :dim]) / size[cell, None, None]
                 away = np.einsum("k,nkc->nc", table[0], corners)
-                trial = np.clip(middle - np.einsum("ncd,nd->nc", turned[cell], away), *REFERENCE_BOUNDS)
+                trial = middle - np.einsum("ncd,nd->nc", turned[cell], away)
                 if not straight:
                     trial = _pull_back(element, corners, trial)
                 distance = _distances(element, corners, trial)
@@ -166,8 +166,8 @@ def _inverse(slope: Array) -> Array:
 
 
 def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
-    """The places in the reference cell that cells map to the origin, by Newton's method from ``reference`` on; far
-    outside somewhere at the bounds.  ``corners``: of each cell relative to the point, in sizes of the cell.
+    """The places in the reference cell that cells map to the origin, by Newton's method from ``reference`` on;
+    ``corners``: of each cell relative to the point, in sizes of the cell.
     """
     moving = np.arange(len(corners))
     for _ in range(MANY_STEPS):
@@ -176,9 +176,9 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
         table = element.tabulate(1, reference[moving])[..., 0]
         away = np.einsum("nk,nkc->nc", table[0], corners[moving])
         turned = _inverse(np.einsum("dnk,nkc->ncd", table[1:], corners[moving]))
-        previous = reference[moving]
-        reference[moving] = np.clip(previous - np.einsum("ncd,nd->nc", turned, away), *REFERENCE_BOUNDS)
-        moving = moving[np.abs(reference[moving] - previous).max(axis=1) >= NOTHING_LEFT]
+        step = np.einsum("ncd,nd->nc", turned, away)
+        reference[moving] -= np.clip(step, -1.0, 1.0)  # at most from one side of the cell to the other
+        moving = moving[np.abs(step).max(axis=1) >= NOTHING_LEFT]
     return reference
 
 
