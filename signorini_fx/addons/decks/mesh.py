@@ -84,7 +84,7 @@ def _kind(element: str) -> tuple[str, int]:
     )
 
 
-def faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
+def _faces_of(kind: str) -> tuple[tuple[int, ...], ...]:
     """Corners of the faces S1, S2 ... of a kind of cell; of a plane one its sides; of a line none."""
     return _FACES.get(kind.rstrip("0123456789"), ())
 
@@ -153,7 +153,7 @@ class _Reader:
                 self._read_surface(block)
             case "BOUNDARY" | "CLOAD" | "DLOAD":
                 sets = (partial(self._member, of) for of in (self.node_sets, self.element_sets))
-                self.nodal_values += [(block, *group) for group in given_alike(block, *sets)]
+                self.nodal_values += [(block, *group) for group in _given_alike(block, *sets)]
             case "SYSTEM" if block.rows:
                 raise ValueError("coordinates are expected along x, y and z")
             case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
@@ -286,7 +286,7 @@ class _Reader:
         count = len(tables) + len(present)
         sets = {name: [*members, *([_NO_NUMBERS] * (count - len(members)))] for name, members in sets.items()}
         all_blocks = [*tables, *((_FACET_KINDS[c], np.concatenate(facets[c])) for c in present)]
-        named = bodies(all_blocks, sets, self._free("body_{}")) if any(b.keyword in _AT_NODES for b in blocks) else {}
+        named = _bodies(all_blocks, sets, self._free("body_{}")) if any(b.keyword in _AT_NODES for b in blocks) else {}
         node_sets = {}
         for name, nodes in self.node_sets.items():
             members = node_rows.rows(nodes)
@@ -337,10 +337,10 @@ class _Reader:
         for k, face in plain(np.unique(np.column_stack((elements.part[rows], listed[:, 1])), axis=0)):
             chosen = (elements.part[rows] == k) & (listed[:, 1] == face)
             kind, table = tables[k]
-            if not 1 <= face <= len(faces_of(kind)):
+            if not 1 <= face <= len(_faces_of(kind)):
                 element = listed[int(np.argmax(chosen)), 0]
                 raise ValueError(f"surface {name!r}: element {element} is a {kind} and has no face S{face}")
-            side = list(faces_of(kind)[face - 1])
+            side = list(_faces_of(kind)[face - 1])
             corners[chosen, : len(side)] = table[rows[chosen] - elements.first[k]][:, side]
         counts = (corners >= 0).sum(axis=1)
         for count in plain(np.unique(counts)):
@@ -406,15 +406,11 @@ def read_model(file: Path) -> DeckModel:
 # --- nodes and faces that are given the same, and bodies --------------------------------------------------------------
 
 
-def given_alike(
+def _given_alike(
     block: DeckBlock, nodes_of: Callable[[str], Ints], elements_of: Callable[[str], Ints]
 ) -> list[tuple[Words, dict[Any, float]]]:
-    """The single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD, by what they are given.
-
-    Args:
-        block: the keyword.
-        nodes_of: the nodes of a set, or the one with a number.
-        elements_of: likewise the elements.
+    """The single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD, by what they are given; ``nodes_of``:
+    the nodes of a set, or the one with a number.
     """
     groups: dict[Words, dict[Any, float]] = {}
     pressures: dict[Any, float] = {}  # of a face that is given several, their sum
@@ -439,19 +435,11 @@ def given_alike(
     return list(groups.items())
 
 
-def bodies(
+def _bodies(
     blocks: Sequence[tuple[str, Ints]], sets: dict[str, list[Ints]], free: Iterator[str]
 ) -> dict[str, list[Ints]]:
-    """The bodies of a file, which share no node; nothing, if there is only one.
-
-    Args:
-        blocks: (kind, nodes of each element), as in ``RawMesh``.
-        sets: of the file, for each block the rows of its elements.
-        free: names that the file does not have.
-
-    Returns:
-        Name -> for each block the rows of its elements: that of a set of the file with these elements, or else one of
-        the free names.
+    """The elements of each body of a file, which share no node; nothing, if there is only one.  Its name is that of a
+    set of the file with these elements, or else a free one.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
