@@ -81,27 +81,14 @@ class BlockRows:
 
     def rows_at(self, unknowns: npt.NDArray[np.int64]) -> tuple[Any, Any, Any]:
         """Row starts, global columns and entries of the rows of some unknowns, local numbers."""
-        starts, block, row = self._places(unknowns)
-        columns = self.size * self.names[self.columns[block]][:, None] + np.arange(self.size)
-        values = self.scale * self.blocks[block, row]
-        return starts.astype(PETSc.IntType), columns.ravel().astype(PETSc.IntType), values.ravel()
-
-    def _places(self, unknowns: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], ...]:
-        """Where their rows start, by entries, and for each of their blocks its number and the row in it."""
         node, component = np.divmod(unknowns, self.size)
         counts = np.diff(self.starts)[node]
         ends = np.cumsum(counts)
         block = np.arange(ends[-1] if ends.size else 0) + np.repeat(self.starts[node] - ends + counts, counts)
-        return np.concatenate(([0], self.size * ends)), block, np.repeat(component, counts)
-
-    def without(self, unknowns: npt.NDArray[np.int64], left_out: npt.NDArray[np.bool_]) -> BlockRows:
-        """A copy in single precision in which some entries are zero: of the rows of some unknowns, local numbers, each
-        once, those that are left out, as ``rows_at`` orders them.
-        """
-        rounded = self.in_single_precision()
-        _, block, row = self._places(unknowns)
-        rounded.blocks[block, row] *= ~left_out.reshape(-1, self.size)
-        return rounded
+        starts, row = np.concatenate(([0], self.size * ends)), np.repeat(component, counts)
+        columns = self.size * self.names[self.columns[block]][:, None] + np.arange(self.size)
+        values = self.scale * self.blocks[block, row]
+        return starts.astype(PETSc.IntType), columns.ravel().astype(PETSc.IntType), values.ravel()
 
 
 class _Context:
@@ -170,20 +157,6 @@ class BlockStiffness(_Context):
             rounded = block_matrix(self.rows.in_single_precision(), matrix.comm)
             self._rough = weakref.ref(rounded)
         return rounded
-
-    def apart(self, matrix: PETSc.Mat, pattern: PETSc.Mat) -> tuple[PETSc.Mat, PETSc.Mat]:
-        """A matrix without the entries that a pattern has, and these, sparse; collective."""
-        starts, columns, _ = pattern.getValuesCSR()
-        counts = np.diff(starts)
-        unknowns = np.flatnonzero(counts)
-        row_starts, row_columns, values = self.rows.rows_at(unknowns)
-        number, width = np.arange(unknowns.size), matrix.getSize()[1]
-        row = np.repeat(number, np.diff(row_starts))
-        inside = np.isin(row * width + row_columns, np.repeat(number, counts[unknowns]) * width + columns)
-        counts[unknowns] = np.bincount(row[inside], minlength=unknowns.size)
-        csr = np.concatenate(([0], np.cumsum(counts))).astype(PETSc.IntType), row_columns[inside], values[inside]
-        entries = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
-        return block_matrix(self.rows.without(unknowns, inside), matrix.comm), entries
 
 
 class AddedTangent(_Context):
@@ -288,14 +261,6 @@ def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
 def rough(matrix: PETSc.Mat) -> PETSc.Mat:
     """A matrix by blocks with A in single precision, for preconditioners; another one itself; collective."""
     return matrix.getPythonContext().rough(matrix) if is_by_blocks(matrix) else matrix
-
-
-def apart(matrix: PETSc.Mat, pattern: PETSc.Mat) -> tuple[PETSc.Mat, PETSc.Mat]:
-    """A matrix by blocks in single precision without the entries that a pattern has, and these, sparse, in double;
-    collective.
-    """
-    left, entries = matrix.getPythonContext().apart(matrix, pattern)
-    return left, entries
 
 
 class PreconditionerByEntries:

@@ -63,11 +63,8 @@ class Hierarchy:
             return cls._aggregated(matrix, level)
         coarse: list[PETSc.Mat] = []
         for at, interpolation in chain:
-            level_matrix = _coarse_matrix(coarse[-1] if coarse else matrix, interpolation, at)
-            if coarse or len(chain) == 1:  # what is small, or factorised
-                level_matrix = by_entries(level_matrix)
-            if not is_by_blocks(level_matrix):
-                row_by_row(level_matrix).setBlockSize(at.block)
+            level_matrix = by_entries(_coarse_matrix(coarse[-1] if coarse else matrix, interpolation, at))
+            row_by_row(level_matrix).setBlockSize(at.block)
             coarse.append(level_matrix)
         interpolations = [interpolation for _, interpolation in chain]
         if coarse[-1].getSize()[0] > FEWEST_BLOCK_UNKNOWNS:

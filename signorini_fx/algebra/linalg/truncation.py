@@ -19,7 +19,6 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, row_by_row
-from signorini_fx.algebra.linalg.blocks import apart, change_added, is_by_blocks, with_added
 from signorini_fx.tuned import NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
@@ -175,12 +174,7 @@ class TruncatedLevels:
         self._untruncated, self.coarse = list[PETSc.Mat](), list[PETSc.Mat]()
         for level, change in zip(coarse, self._changes, strict=True):
             wider = _widened(level, change)
-            if is_by_blocks(level):  # what truncation cancels is beside it in double precision
-                level, entries = apart(level, change)
-                wider.axpy(1.0, entries, structure=SUBSET_PATTERN)
-                self.coarse.append(with_added(level, wider.copy()))
-            else:
-                self.coarse.append(row_by_row(wider.copy()))
+            self.coarse.append(row_by_row(wider.copy()))
             self._untruncated.append(wider)
         for level in self.coarse:
             level.setOption(PETSc.Mat.Option.SPD, True)
@@ -222,25 +216,13 @@ class TruncatedLevels:
             change.matMult(interpolation, result=product)
             interpolation.transposeMatMult(product, result=below)
         for level, untruncated, change in zip(self.coarse, self._untruncated, self._changes, strict=True):
-            if is_by_blocks(level):
-                beside = untruncated.copy()
-                beside.axpy(1.0, change, structure=SUBSET_PATTERN)
-                change_added(level, beside)
-            else:
-                untruncated.copy(level, SAME_PATTERN)
-                level.axpy(1.0, change, structure=SUBSET_PATTERN)
+            untruncated.copy(level, SAME_PATTERN)
+            level.axpy(1.0, change, structure=SUBSET_PATTERN)
 
 
 def _widened(matrix: PETSc.Mat, pattern: PETSc.Mat) -> PETSc.Mat:
-    """A coarse matrix, or zero if by blocks, with a little more on its diagonal, and the room of a pattern of zeros."""
-    diagonal = matrix.getDiagonal()
-    if is_by_blocks(matrix):
-        first, last = matrix.getOwnershipRange()
-        numbers = np.arange(first, last + 1, dtype=PETSc.IntType)
-        csr = numbers - first, numbers[:-1], np.zeros(last - first)
-        wider = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
-    else:
-        wider = matrix.copy()
+    """A coarse matrix with a little more on its diagonal, and the room of a pattern of zeros."""
+    diagonal, wider = matrix.getDiagonal(), matrix.copy()
     wider.axpy(1.0, pattern, structure=DIFFERENT_PATTERN)
     diagonal.scale(NOTHING_LEFT)
     wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
