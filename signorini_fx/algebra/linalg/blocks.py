@@ -7,9 +7,8 @@ Where rows or entries are needed, for products of matrices or factors, they are 
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +32,7 @@ class BlockRows:
     Attributes:
         starts: where the rows of blocks begin, shape (n + 1,).
         columns: of the blocks, local numbers of nodes, those of other ranks last, shape (m,).
-        blocks: shape (m, d, d), in double or single precision.
+        blocks: shape (m, d, d).
         scale: by which the blocks are to be multiplied.
         names: global numbers of the nodes by their local numbers.
         multiply: the product.
@@ -72,13 +71,6 @@ class BlockRows:
         self.blocks[self.diagonal_blocks[node], component, component] = value
         vars(self).pop("diagonal", None)
 
-    def in_single_precision(self) -> BlockRows:
-        """A copy with rounded entries, relative to the largest one of the diagonal, so that no unit matters."""
-        scale = float(self.diagonal.max(initial=0.0)) or 1.0
-        blocks = np.empty(self.blocks.shape, np.float32)
-        np.multiply(self.blocks, self.scale / scale, out=blocks, casting="same_kind")
-        return replace(self, blocks=blocks, scale=scale)
-
     def rows_at(self, unknowns: npt.NDArray[np.int64]) -> tuple[Any, Any, Any]:
         """Row starts, global columns and entries of the rows of some unknowns, local numbers."""
         node, component = np.divmod(unknowns, self.size)
@@ -108,7 +100,6 @@ class BlockStiffness(_Context):
 
     def __init__(self, rows: BlockRows) -> None:
         self.rows = rows
-        self._rough: Callable[[], PETSc.Mat | None] = lambda: None
 
     @called_back
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
@@ -150,21 +141,12 @@ class BlockStiffness(_Context):
         copied = PETSc.Mat().createBAIJ(matrix.getSizes(), r.size, csr=csr, comm=matrix.comm)
         return row_by_row(copied.convert(PETSc.Mat.Type.AIJ))
 
-    def rough(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """A in single precision, made once for as long as somebody keeps it; collective."""
-        rounded = self._rough()
-        if rounded is None:
-            rounded = block_matrix(self.rows.in_single_precision(), matrix.comm)
-            self._rough = weakref.ref(rounded)
-        return rounded
-
 
 class AddedTangent(_Context):
     """Context of the ``python`` matrix A + C of A by blocks and C, sparse."""
 
     def __init__(self, stiffness: PETSc.Mat, added: PETSc.Mat) -> None:
         self._stiffness, self._added = stiffness, row_by_row(added)
-        self._rough: PETSc.Mat | None = None
         # The rows of A that were asked for, with room for C, by their index set, which must stay, and their columns.
         self._parts: dict[tuple[int, int], tuple[PETSc.Mat, PETSc.IS]] = {}
 
@@ -202,20 +184,12 @@ class AddedTangent(_Context):
     def change(self, added: PETSc.Mat) -> None:
         """Take the entries of another C with the same pattern; collective."""
         added.copy(self._added, SAME_PATTERN)
-        if self._rough is not None:
-            self._rough.stateIncrease()
 
     def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A copy as a sparse matrix; collective."""
         entries = by_entries(self._stiffness)
         entries.axpy(1.0, self._added, structure=DIFFERENT_PATTERN)
         return row_by_row(entries)
-
-    def rough(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """The same with A in single precision, which changes with it; collective."""
-        if self._rough is None:
-            self._rough = with_added(rough(self._stiffness), self._added)
-        return self._rough
 
 
 def _python_matrix(context: Any, sizes: Any, block: int, comm: Any) -> PETSc.Mat:
@@ -256,11 +230,6 @@ def change_added(tangent: PETSc.Mat, added: PETSc.Mat) -> None:
 def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
     """The sparse matrix with the entries of one by blocks, a copy, or the matrix itself; collective."""
     return matrix.getPythonContext().by_entries(matrix) if is_by_blocks(matrix) else matrix
-
-
-def rough(matrix: PETSc.Mat) -> PETSc.Mat:
-    """A matrix by blocks with A in single precision, for preconditioners; another one itself; collective."""
-    return matrix.getPythonContext().rough(matrix) if is_by_blocks(matrix) else matrix
 
 
 class PreconditionerByEntries:

@@ -1,8 +1,7 @@
 """Products y = s A x with matrices of small dense blocks, in C, compiled beside the forms.
 
 Such a product takes the time in which the entries arrive from memory.  PETSc's kernels for blocks ask for them ahead in
-a way that some processors ignore; these ask for them ``PREFETCHED_BYTES`` ahead of their use, into all caches.  Entries
-may be in single precision, which halves the time; sums are in double precision.
+a way that some processors ignore; these ask for them ``PREFETCHED_BYTES`` ahead of their use, into all caches.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ from signorini_fx.tuned import PREFETCHED_BYTES
 
 Array = npt.NDArray[np.float64]
 SIZES = (2, 3)  # of blocks
-_TYPES = {np.dtype(np.float64): "double", np.dtype(np.float32): "float"}
 _ARGUMENTS = ("-O2",)
 # The modules by their folders.
 _LOADED: dict[str, Any] = {}
@@ -49,23 +47,22 @@ def load(comm: MPI.Comm, folder: Path) -> None:
 
 
 def _load(folder: Path) -> Any:
-    source = "#include <stdint.h>\n\n" + "\n".join(_function(size, kind) for size in SIZES for kind in _TYPES.values())
-    declarations = "".join(f"{_head(size, kind)};\n" for size in SIZES for kind in _TYPES.values())
+    source = "#include <stdint.h>\n\n" + "\n".join(map(_function, SIZES))
+    declarations = "".join(f"{_head(size)};\n" for size in SIZES)
     name = f"signorini_fx_blocks_{zlib.crc32((source + repr(_ARGUMENTS)).encode()):08x}"
     return library(folder, name, declarations, source, _ARGUMENTS)
 
 
-def _head(size: int, kind: str) -> str:
+def _head(size: int) -> str:
     return (
-        f"void multiply_{size}_{kind}(int64_t rows, const int64_t *starts, const int32_t *columns, "
-        f"const {kind} *a, double scale, const double *x, double *y)"
+        f"void multiply_{size}(int64_t rows, const int64_t *starts, const int32_t *columns, "
+        "const double *a, double scale, const double *x, double *y)"
     )
 
 
-def _function(size: int, kind: str) -> str:
-    """Of blocks of one size, row by row, with entries of one type."""
+def _function(size: int) -> str:
+    """Of blocks of one size, row by row."""
     each = range(size)
-    ahead = PREFETCHED_BYTES // (8 if kind == "double" else 4)
     sums = ", ".join(f"s{row} = 0.0" for row in each)
     values = ", ".join(f"x{column} = v[{column}]" for column in each)
     added = "\n".join(
@@ -73,7 +70,7 @@ def _function(size: int, kind: str) -> str:
         for row in each
     )
     stored = "\n".join(f"        y[{size} * i + {row}] = scale * s{row};" for row in each)
-    return f"""{_head(size, kind)}
+    return f"""{_head(size)}
 {{
     a += {size * size} * starts[0];
     for (int64_t i = 0; i < rows; ++i) {{
@@ -81,7 +78,7 @@ def _function(size: int, kind: str) -> str:
         for (int64_t k = starts[i]; k < starts[i + 1]; ++k, a += {size * size}) {{
             const double *v = x + {size} * (int64_t)columns[k];
             const double {values};
-            __builtin_prefetch(a + {ahead}, 0, 3);
+            __builtin_prefetch(a + {PREFETCHED_BYTES // 8}, 0, 3);
 {added}
         }}
 {stored}
@@ -98,7 +95,7 @@ class BlockProduct:
     def __init__(self, folder: Path, size: int, starts: npt.NDArray[np.int64], columns: npt.NDArray[np.int32]) -> None:
         module = _LOADED[str(folder)]
         self._cast = module.ffi.cast
-        self._kernels = {dtype: getattr(module.lib, f"multiply_{size}_{kind}") for dtype, kind in _TYPES.items()}
+        self._kernel = getattr(module.lib, f"multiply_{size}")
         self._arrays = np.ascontiguousarray(starts, np.int64), np.ascontiguousarray(columns, np.int32)
         self._pattern = self._address("int64_t", self._arrays[0]), self._address("int32_t", self._arrays[1])
 
@@ -107,9 +104,6 @@ class BlockProduct:
         return self._cast(f"{kind} *", array.ctypes.data)
 
     def __call__(self, blocks: npt.NDArray[np.floating[Any]], scale: float, x: Array, y: Array) -> None:
-        """Write s A x into y; ``blocks``: A, in single or double precision, ``scale``: s, ``x``: with what columns of
-        other ranks need.
-        """
-        entries = self._address(_TYPES[blocks.dtype], blocks)
-        vectors = self._address("double", x), self._address("double", y)
-        self._kernels[blocks.dtype](self._arrays[0].size - 1, *self._pattern, entries, scale, *vectors)
+        """Write s A x into y; ``blocks``: A, ``scale``: s, ``x``: with what columns of other ranks need."""
+        entries, *vectors = (self._address("double", values) for values in (blocks, x, y))
+        self._kernel(self._arrays[0].size - 1, *self._pattern, entries, scale, *vectors)

@@ -26,7 +26,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.linalg import petsc_options, row_by_row
-from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks, rough
+from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks
 from signorini_fx.algebra.linalg.elasticity import Level
 from signorini_fx.algebra.linalg.factorisation import use_direct
 from signorini_fx.algebra.linalg.petsc_calls import call, called_back
@@ -43,14 +43,12 @@ _FEW = 300  # unknowns that PETSc's own factor, without the overhead of a packag
 @dataclass(frozen=True)
 class Hierarchy:
     """Levels of A, the finest first: coarser meshes as far as there are any, then smoothed aggregation. From each level
-    P_0, P_1, ... interpolate to the finer one, and A_1 = P_0^T A P_0, ... are ``coarse``; ``smoothed``: A as smoothers
-    take it, in single precision where it is by blocks; ``largest``: its largest eigenvalue over its diagonal, as CG
-    sees it in a few steps.
+    P_0, P_1, ... interpolate to the finer one, and A_1 = P_0^T A P_0, ... are ``coarse``; ``largest``: the largest
+    eigenvalue of A over its diagonal, as CG sees it in a few steps.
     """
 
     interpolations: tuple[PETSc.Mat, ...]
     coarse: tuple[PETSc.Mat, ...]
-    smoothed: PETSc.Mat
     largest: float
 
     @classmethod
@@ -74,8 +72,7 @@ class Hierarchy:
             coarse += below.coarse
         for level_matrix in coarse:
             level_matrix.setOption(PETSc.Mat.Option.SPD, True)
-        smoothed = rough(matrix)
-        return cls(tuple(interpolations), tuple(coarse), smoothed, _largest_eigenvalue(smoothed))
+        return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
     def with_rigid_bodies(self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]) -> Hierarchy:
         """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``; collective."""
@@ -85,7 +82,7 @@ class Hierarchy:
     @classmethod
     def _aggregated(cls, matrix: PETSc.Mat, level: Level | None = None) -> Hierarchy:
         """Set up GAMG and keep what it has found; collective."""
-        smoothed = rough(matrix)
+        largest = _largest_eigenvalue(matrix)
         if is_by_blocks(matrix):
             matrix = by_entries(matrix)
             if level is not None:
@@ -104,7 +101,7 @@ class Hierarchy:
         coarse = tuple(solver.getOperators()[0] for solver in solvers)
         for level in coarse:
             row_by_row(level).setOption(PETSc.Mat.Option.SPD, True)
-        return cls(interpolations, coarse, smoothed, _largest_eigenvalue(smoothed))
+        return cls(interpolations, coarse, largest)
 
 
 def _interpolations(level: Level) -> list[tuple[Level, PETSc.Mat]]:
@@ -338,8 +335,8 @@ class ContactPreconditioner:
             self._reduced = self._contact.ptap(lift, result=self._reduced)
         self._held = self._levels.nodes.split(self._contact, self._contact_rows)
         self._truncate()
-        self._finest.setOperators(rough(tangent), self._levels.inverse)
-        self._cycle.setOperators(rough(tangent))
+        self._finest.setOperators(tangent, self._levels.inverse)
+        self._cycle.setOperators(tangent)
         self._cycle.setUp()
 
     def _truncate(self) -> None:
