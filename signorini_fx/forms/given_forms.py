@@ -264,14 +264,15 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
         python_spaces.insert(0, u.function_space)
     elif not python_spaces:
         raise FormError([("u", "must be given where both forms are compiled: their space is that of this Function")])
-    space = _supported(python_spaces[0])
+    space = supported(python_spaces[0], "a")
     for name, candidate, _ in spaces:
         if candidate != compat.wrapped(space):
             raise FormError([(name, "its arguments are on another space than those of a" + " or u" * (u is not None))])
     return space
 
 
-def _supported(space: fem.FunctionSpace) -> fem.FunctionSpace:
+def supported(space: fem.FunctionSpace, name: str) -> fem.FunctionSpace:
+    """The space, if contact is possible in it; ``name``: of the argument that has it."""
     mesh, wanted = space.mesh, "a vector Lagrange space of degree 1 or 2 is needed, with one component per coordinate"
     dim = mesh.topology.dim
     try:
@@ -280,11 +281,11 @@ def _supported(space: fem.FunctionSpace) -> fem.FunctionSpace:
     except RuntimeError:  # one made of several
         fits = False
     if not fits or dim not in (2, 3) or space.dofmap.index_map_bs != mesh.geometry.dim:
-        raise FormError([("a", f"its space is {space.ufl_element()}: {wanted}")])
+        raise FormError([(name, f"its space is {space.ufl_element()}: {wanted}")])
     if mesh.topology.cell_name() not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
-        raise FormError([("a", f"its mesh has {mesh.topology.cell_name()} cells, which are not supported")])
+        raise FormError([(name, f"its mesh has {mesh.topology.cell_name()} cells, which are not supported")])
     if is_section(mesh) and parallel.any_rank(mesh.comm, bool(mesh.geometry.x[:, 2].any())):
-        raise FormError([("a", "its mesh of plane cells in 3D must lie in 2D x[2] = 0")])
+        raise FormError([(name, "its mesh of plane cells in 3D must lie in 2D x[2] = 0")])
     return space
 
 

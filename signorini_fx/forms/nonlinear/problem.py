@@ -18,7 +18,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.contact_problem import ProblemOfForms
-from signorini_fx.forms.given_forms import foundations_of, space_of
+from signorini_fx.forms.given_forms import foundations_of, space_of, supported
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation, Way
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
@@ -68,15 +68,11 @@ def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tup
         problems.append(("F", "does not contain u, so that its derivative is zero: form it with u, or give J"))
     if problems:
         raise FormError(problems)
+    space = supported(u.function_space, "u")
     try:
-        if J is None:
-            space_of(ufl.inner(ufl.TrialFunction(u.function_space), ufl.TestFunction(u.function_space)) * ufl.dx, F, u)
-        else:
-            space_of(J, F, u)
+        space_of(ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx if J is None else J, F, u)
     except FormError as error:
-        names = {"a": "u" if J is None or _unsupported(error) else "J", "L": "F"}
-        raise FormError([(names.get(key, key), reason) for key, reason in error.problems]) from None
-    space = u.function_space
+        raise FormError([({"a": "J", "L": "F"}.get(key, key), why) for key, why in error.problems]) from None
     if averaging(space):
         problems += [
             (f"contact[{k}].shape", "on quadratic tetrahedra a shape must be a plane: take hexahedra, or degree 1")
@@ -106,11 +102,6 @@ def _faults(number: int, pair: Any) -> list[tuple[str, str]]:
         )
         if wrong
     ]
-
-
-def _unsupported(error: FormError) -> bool:
-    """Whether it is the space of the displacement that is wrong."""
-    return any(reason.startswith("its space") for _, reason in error.problems)
 
 
 def _flat(shape: Any) -> bool:
