@@ -253,9 +253,6 @@ SAME_LENGTH = 1e-9
 # one is round-off.  Choice: solves leave up to 1e-10 of the forces.
 ZERO_IN_SOLUTION = 1e-9
 
-# Points of Gauss' rule on a segment of the overlap of two sides in 2D, which belong to the definition of the map
-# between them: integrands are rational where normals turn, and not polynomials on curved facets.  Choice.
-POINTS_OF_PIECES = 8
 # What a projection, an assembly or an elimination leaves below this share of the largest one is round-off: entries,
 # pivots and eigenvalues of matrices, parts of facets and cells, motions and loads.  Choice: far below the softest
 # motion of a body that is held.

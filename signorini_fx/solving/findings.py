@@ -19,7 +19,7 @@ from signorini_fx.extensions import add_on
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.rigid.motion_names import MOST_LISTED, names_of
+from signorini_fx.mechanics.rigid.rigid_motions import MOST_LISTED, names_of
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement

@@ -19,7 +19,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
-from signorini_fx.mechanics.rigid.motion_names import names_of, rounded
+from signorini_fx.mechanics.rigid.rigid_motions import names_of, rounded
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.tuned import NOTABLE, SAME_LENGTH

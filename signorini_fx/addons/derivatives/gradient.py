@@ -31,8 +31,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.contact_map import contact_map
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, contact_map
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.quantities.differentiable import ContactForce, Functional

@@ -59,8 +59,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
     Foundations,
     ShapeDistances,
 )
-from signorini_fx.mechanics.obstacles.paired_points import PairedSides, turned_forces
-from signorini_fx.mechanics.obstacles.sliding_sides import MovingPair, SlidingSides
+from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides, SlidingSides, turned_forces
 from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_shape import Distance

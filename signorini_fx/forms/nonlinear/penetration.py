@@ -16,8 +16,8 @@ from signorini_fx.forms.nonlinear.linearised import State
 from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.mechanics.obstacles.paired_points import MovingPair, SlidingSides
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
-from signorini_fx.mechanics.obstacles.sliding_sides import MovingPair, SlidingSides
 from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE
 
 Array = npt.NDArray[np.float64]

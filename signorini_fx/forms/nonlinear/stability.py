@@ -17,7 +17,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, is_derivative
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
-from signorini_fx.mechanics.contact_points.contact_map import block_diagonal
+from signorini_fx.mechanics.contact_points.contact_boundary import block_diagonal
 from signorini_fx.records import Status
 from signorini_fx.tuned import HOLDING_STIFFNESS, NEGLIGIBLE, NO_FORCE
 

@@ -38,7 +38,7 @@ from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations
-from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
+from signorini_fx.mechanics.obstacles.scene_contact import foundations_of, with_chosen_sides
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.effect import InitialStrain, Resistance
@@ -115,8 +115,6 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         partial(check_fits, statement, tagged),
     )
     if statement.sides[1] is not None:
-        from signorini_fx.mechanics.obstacles.carrying_side import with_chosen_sides
-
         statement = with_chosen_sides(statement, tagged, facets, moduli[0][1])
     pieces = find_pieces(tagged.mesh)
     if statement.bodies:

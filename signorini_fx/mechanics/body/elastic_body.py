@@ -30,8 +30,12 @@ from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.contact_points.contact_map import block_diagonal, contact_map, with_rotations
+from signorini_fx.mechanics.contact_points.contact_boundary import (
+    ContactBoundary,
+    block_diagonal,
+    contact_map,
+    with_rotations,
+)
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
 from signorini_fx.mechanics.kinematics.protocol import Kinematics

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ import numpy.typing as npt
 from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import clean, html_table
-from signorini_fx.mechanics.contact_points.contact_boundary import chains, in_line
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 
 # Rows of a table that a notebook shows.
@@ -147,7 +147,7 @@ def contact_table(
     x = rows[:, len(scalars) : len(scalars) + dim]
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
-        pieces, order, closed = chains(numbers, _with_points(numbers, segments), x)
+        pieces, order, closed = _chains(numbers, _with_points(numbers, segments), x)
         facets = None
     else:
         pieces, order, closed = [], _by_position(numbers[:, 0], x), []
@@ -176,6 +176,59 @@ def contact_table(
         "weight": of["weight"],
     }
     return ContactTable(columns, pieces, numbers[order], facets)
+
+
+def _in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Positions, shape (n, d), relative to their extent and rounded: otherwise round-off would order points that are
+    meant to be in line.
+    """
+    extent = float(np.ptp(x, axis=0).max()) if len(x) > 1 else 0.0
+    return np.asarray(np.round(x / extent, 9)) if extent > 0 else np.zeros_like(x)
+
+
+def _chains(
+    numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
+) -> tuple[list[range], npt.NDArray[np.int64], list[bool]]:
+    """Connected pieces of the boundary, the order of the nodes along them, and whether each piece is closed.
+
+    A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
+    not depend on the numbering of nodes and the number of ranks.  Nodes of segments that are no points are left out.
+    """
+    x = _in_line(x)
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
+    neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
+    for part, *nodes in segments:
+        path = [row_of[number] for node in nodes if (number := (int(part), int(node))) in row_of]
+        for a, b in pairwise(path):
+            neighbours[a].append(b)
+            neighbours[b].append(a)
+
+    def key(row: int) -> tuple[int, float, float]:
+        return int(numbers[row, 0]), float(x[row, 0]), float(x[row, 1])
+
+    pieces: list[range] = []
+    order: list[int] = []
+    closed: list[bool] = []
+    seen: set[int] = set()
+    ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
+    sorted_rows = sorted(neighbours, key=key)
+    paths: list[list[int]] = []
+    for start in [*ends, *sorted_rows]:
+        if start in seen:
+            continue
+        chain = [start]
+        seen.add(start)
+        while (
+            following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)
+        ) is not None:
+            chain.append(following)
+            seen.add(following)
+        paths.append(chain)
+    for chain in sorted(paths, key=lambda rows: key(rows[0])):
+        pieces.append(range(len(order), len(order) + len(chain)))
+        order += chain
+        closed.append(len(chain) > 2 and chain[0] in neighbours[chain[-1]])
+    return pieces, np.array(order, dtype=np.int64), closed
 
 
 def _with_points(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -215,4 +268,4 @@ def _along(x: npt.NDArray[np.float64], pieces: list[range], closed: list[bool]) 
 
 def _by_position(part: npt.NDArray[np.int64], x: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
     """The order by boundary, then by coordinates, rounded so that round-off does not decide."""
-    return np.lexsort((*in_line(x).T[::-1], part)).astype(np.int64)
+    return np.lexsort((*_in_line(x).T[::-1], part)).astype(np.int64)

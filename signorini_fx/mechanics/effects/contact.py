@@ -65,7 +65,7 @@ class Contact(Effect):
         boundary: name of the boundary where contact may occur.
         against: name of the boundary of another body that it may touch; None: the foundation is rigid.
         points: which of both carries the contact points; ``auto``: that of the softer body, or of the finer mesh, see
-            ``obstacles.carrying_side``.
+            ``obstacles.scene_contact``.
         distance: between two bodies, to which ``gap`` is added: ``geometry``, as the meshes lie; ``nominal``: zero.
         adjust: between two bodies, the distance of the meshes, length, that counts as zero, as do all that are smaller,
             overlaps included; None: none does.

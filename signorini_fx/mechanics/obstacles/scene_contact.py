@@ -1,4 +1,11 @@
-"""The contact of a scene as foundations and pairs, which forms of a user's own have too."""
+"""The contact of a scene as foundations and pairs, which forms of a user's own have too, and which side of a pair
+carries the contact points.
+
+It is the softer one; of equally soft ones the one that lies on the other wholly, else the finer one.  The multipliers
+of a mortar method live on one side.  On the finer or softer one they resolve what the other side can follow; on a much
+stiffer one the error is larger and Krylov methods converge slowly.  Where a narrow side slides on a wide one, points on
+the wide side lose their partners one by one at its ends, and the iteration needs many more solves.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +16,20 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
+from scipy.spatial import cKDTree
 
+from signorini_fx.errors import SceneError
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.tuned import COARSER_FACETS, STIFFER_BODY
+
+Facets = Mapping[str, npt.NDArray[np.int32]]
 
 
 def foundations_of(
@@ -80,3 +96,108 @@ def _measure(kinematics: Kinematics, x: npt.NDArray[np.float64]) -> npt.NDArray[
 def _evaluable(value: Any) -> Any:
     """A value of a scene as a foundation takes it."""
     return value if isinstance(value, int | float) else partial(sample, value)
+
+
+@dataclass(frozen=True)
+class SideFigures:
+    """What the choice depends on, of all ranks.
+
+    Attributes:
+        stiffness: the mean shear modulus behind its facets, stress.
+        size: the mean extent of its facets, length.
+        vertices: of its facets, shape (n, 3), length.
+    """
+
+    stiffness: float
+    size: float
+    vertices: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, name: str, tagged: TaggedMesh, shear_modulus: Any) -> SideFigures:
+        """Those of a boundary; ``shear_modulus``: a constant or a cell-wise function, stress; collective."""
+        mesh, facets = tagged.mesh, tagged.facets(name)
+        cells = facet_entities(mesh, facets)[:, 0]
+        if isinstance(shear_modulus, fem.Function):
+            stiffness = shear_modulus.x.array[shear_modulus.function_space.dofmap.list[cells, 0]]
+        else:
+            stiffness = np.full(len(facets), float(shear_modulus.value))
+        corners = facet_vertices(mesh, facets)
+        extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+        sums = parallel.global_sum(mesh.comm, np.array([len(facets), stiffness.sum(), extent.sum()]))
+        vertices = parallel.gather_rows(mesh.comm, corners.reshape(-1, corners.shape[2]))
+        return cls(float(sums[1] / sums[0]), float(sums[2] / sums[0]), vertices)
+
+    def is_better(self, opposite: SideFigures) -> bool:
+        """Whether this side should rather carry the points."""
+        softer = opposite.stiffness / self.stiffness
+        if not 1 / STIFFER_BODY <= softer <= STIFFER_BODY:
+            return softer > 1
+        if (within := self._lies_on(opposite)) != opposite._lies_on(self):
+            return within
+        return opposite.size / self.size > COARSER_FACETS
+
+    def _lies_on(self, opposite: SideFigures) -> bool:
+        """Whether all of this side is within a facet of the other one."""
+        distance, _ = cKDTree(opposite.vertices).query(self.vertices)
+        return bool(np.all(distance <= max(self.size, opposite.size)))
+
+
+def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Any) -> Statement:
+    """The scene with ``boundary`` and ``against`` exchanged where the points are on the latter; itself if on none;
+    collective.
+
+    With ``points = "auto"`` sides stay where values of the gap or the friction are functions, which were written for
+    ``boundary``, and where other contacts or supports need the facets.
+
+    Args:
+        statement: what is stated of the problem.
+        tagged: its mesh.
+        facets: of every boundary that the scene names.
+        shear_modulus: see ``SideFigures.of``.
+
+    Raises:
+        SceneError: the points are asked for on facets that another contact needs.
+    """
+    contacts = list(statement.contact)
+    problems = []
+    for number, effect in enumerate(statement.contact):
+        if effect.against is None or effect.points == "boundary":
+            continue
+        if effect.points == "auto":
+            ours, theirs = (SideFigures.of(name, tagged, shear_modulus) for name in (effect.boundary, effect.against))
+            values = (effect.gap, *effect.friction.parameters.values())
+            if not theirs.is_better(ours) or not all(isinstance(value, int | float) for value in values):
+                continue
+        taken = [
+            name for k, contact in enumerate(contacts) if k != number for name in (contact.boundary, contact.against)
+        ]
+        if effect.points == "auto":
+            taken += [support.where for support in statement.displacement]
+        if (existing := _sharing(effect.against, taken, tagged, facets)) is not None:
+            if effect.points == "against":
+                message = f"{effect.against!r} shares facets with {existing!r} of another contact: leave the points on"
+                problems.append((f"contact[{number}].points", f"{message} {effect.boundary!r}"))
+            continue
+        contacts[number] = effect.model_copy(
+            update={
+                "boundary": effect.against,
+                "against": effect.boundary,
+                "points": "auto" if effect.points == "auto" else "boundary",
+            }
+        )
+    if problems:
+        raise SceneError(problems)
+    if all(contact is existing for contact, existing in zip(contacts, statement.contact, strict=True)):
+        return statement
+    return statement.changed(contact=tuple(contacts))
+
+
+def _sharing(name: str, boundaries: list[str | None], tagged: TaggedMesh, facets: Facets) -> str | None:
+    """The first of some boundaries that shares facets with one; None: none does; collective."""
+    for boundary in boundaries:
+        if boundary is None or boundary not in facets:
+            continue
+        shared = np.intersect1d(facets[name], facets[boundary]).size
+        if parallel.global_sum(tagged.mesh.comm, np.array(shared)):
+            return boundary
+    return None

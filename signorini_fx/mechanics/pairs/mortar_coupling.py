@@ -33,8 +33,14 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, constrained, dual_coefficients, extended
-from signorini_fx.mechanics.pairs.overlap_plane import facing_facets, patches, plane_overlap, turned_in_plane
-from signorini_fx.mechanics.pairs.overlap_space import space_overlap, turned_in_space
+from signorini_fx.mechanics.pairs.overlap import (
+    facing_facets,
+    patches,
+    plane_overlap,
+    space_overlap,
+    turned_in_plane,
+    turned_in_space,
+)
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sparse_maps import beside, turning_of, without_round_off

@@ -36,8 +36,7 @@ from mpi4py import MPI
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
-from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces
-from signorini_fx.mechanics.pairs.sliding_places import rotations_at_nodes
+from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
 from signorini_fx.mechanics.pairs.sparse_maps import (
     beside,
     of_blocks,

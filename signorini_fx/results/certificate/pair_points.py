@@ -19,8 +19,7 @@ import numpy.typing as npt
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
-from signorini_fx.mechanics.obstacles.paired_points import FacingSides, PairedSides
-from signorini_fx.mechanics.obstacles.sliding_sides import MovingPair, SlidingSides
+from signorini_fx.mechanics.obstacles.paired_points import FacingSides, MovingPair, PairedSides, SlidingSides
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 
 Array = npt.NDArray[np.float64]
