@@ -326,7 +326,7 @@ def _seen_otherwise(earlier: ContactBoundary, now: ContactBoundary, displacement
     shape (n, d): a support that holds from now on, or does no longer, changes across which planes of symmetry there is
     none; None: points see what they have seen; collective.
     """
-    if earlier.averages is None or now.averages is None:
+    if not (earlier.paired and now.paired):
         return None
     space = displacement.function_space
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local

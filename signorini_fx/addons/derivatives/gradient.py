@@ -210,7 +210,8 @@ def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
     body_boundary = body.boundary
     assert body_boundary is not None
     unchanged = boundary is body_boundary
-    if boundary.averages is body_boundary.averages and boundary.moving is body_boundary.moving:
+    same = not boundary.paired or boundary.averages is body_boundary.averages
+    if same and boundary.moving is body_boundary.moving:
         unchanged = unchanged or np.array_equal(boundary.frames, body_boundary.frames)
     if not parallel.any_rank(body.comm, not unchanged):
         return body.contact

@@ -148,8 +148,7 @@ class SolutionOnMesh:
         """From displacements of the nodes to relative ones at the contact points, shape (points d, n d)."""
         if self.solution.contact is None:
             return None
-        boundary = self.solution.contact.boundary
-        averages, dim = boundary.selection if boundary.averages is None else boundary.averages, self.arrays.dim
+        averages, dim = self.solution.contact.boundary.averages, self.arrays.dim
         node = np.empty(len(self.block), dtype=np.int64)
         node[self.block] = np.arange(len(self.block))
         columns = (dim * node[averages.nodes][:, None] + np.arange(dim)).ravel()

@@ -59,7 +59,7 @@ class RetainedPoints:
         """Which points are left out, shape (n,), and the displacement of now; None: none is; ``prescribed``: which
         unknowns are prescribed, and to what, shapes (dofs,).
         """
-        plain = boundary.averages is None and boundary.moving is None and boundary.size > 0
+        plain = boundary.averages.shares.nnz == boundary.size > 0 and boundary.moving is None and not boundary.paired
         if not self._possible or self.all or not plain or state is None or state.boundary.size != boundary.size:
             return None
         values, (fixed, to) = self._at.x.array, prescribed

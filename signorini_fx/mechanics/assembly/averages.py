@@ -1,7 +1,8 @@
-"""Contact points that average the displacement around them: those of elements without a positive rule at their nodes.
+"""How contact points average the displacement around them.
 
-The basis functions of the vertices of a quadratic triangle integrate to zero, so that ``quadrature.nodal_rule``
-gives them no weight.  There the contact points are the vertices alone, and
+Most take that of their node.  Elements without a positive rule at their nodes need averages: the basis functions of the
+vertices of a quadratic triangle integrate to zero, so that ``quadrature.nodal_rule`` gives them no weight.  There the
+contact points are the vertices alone, and
 
     w_i = (psi_i, 1),    y_i = (psi_i, y) / w_i
 
@@ -40,8 +41,8 @@ class Averages:
         fixed: which displacement components are prescribed at them, shape (m, d).
         centre: where the force of each point acts on the body of its node, length, shape (n, d); None: at the average
             of the nodes.
-        lift: displacements of some nodes, all along one direction, that move the points by one each, scipy sparse,
-            shape (m, n); None: not known.
+        lift: displacements of some nodes, all along one direction, that move the points of two bodies by one each,
+            scipy sparse, shape (m, n); None: not known.
         between: ``operator`` between two bodies, scipy sparse, shape (n d, m d); None: it is that of ``shares``.
     """
 
@@ -52,6 +53,12 @@ class Averages:
     centre: _Floats | None = None
     lift: Any = None
     between: Any = None
+
+    @classmethod
+    def at_nodes(cls, nodes: npt.NDArray[np.int64], x: _Floats, fixed: npt.NDArray[np.bool_]) -> Averages:
+        """Of points that take the displacement of their nodes."""
+        itself = sp.eye_array(nodes.size, format="csr")
+        return cls(itself, nodes, x, fixed, lift=itself)
 
     @classmethod
     def joined(cls, parts: list[Averages]) -> Averages:
@@ -83,9 +90,7 @@ class Averages:
         """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
         if self.between is not None:
             return self.between
-        from signorini_fx.mechanics.pairs.sparse_maps import of_components
-
-        return of_components(self.shares, self.x.shape[1])
+        return sp.csr_array(sp.kron(self.shares, sp.eye_array(self.x.shape[1]), format="csr"))
 
     def any_of(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether any node of a point has a flag, from shape (m, k) to shape (n, k)."""

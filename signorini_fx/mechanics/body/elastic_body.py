@@ -179,7 +179,7 @@ class ElasticBody:
         at_contact = self.at_contact if at_contact is None else at_contact
         retained, held, across = 0, False, int(self.space.mesh.topology.dim)
         if self.boundary is not None:
-            reached = parallel.gather_rows(self.comm, np.unique(self.boundary.reached))
+            reached = parallel.gather_rows(self.comm, np.unique(self.boundary.averages.nodes))
             retained = self.dimension * int(np.unique(reached).size)
             everywhere: Any = self.boundary.points.everywhere
             held = at_contact.held_by(everywhere, everywhere)

@@ -26,7 +26,7 @@ from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.averages import Averages
+from signorini_fx.mechanics.assembly.averages import Averages, averaging
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes, measure, node_positions
 from signorini_fx.mechanics.assembly.quadrature import lumped_degree, nodal_rule
 from signorini_fx.mechanics.kinematics import of_components
@@ -80,7 +80,7 @@ class ContactBoundary:
         segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a facet); in the
             plane in order along the facet, in 3D as basix has them.
         global_nodes: global number of the node, shape (n,).
-        averages: how each point averages the displacement around it; None: it takes that of its node.
+        averages: how each point averages the displacement around it.
         axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d); None: the
             axes of space.
         moving: foundations whose motion is an unknown; None: there are none.
@@ -99,7 +99,7 @@ class ContactBoundary:
     free: npt.NDArray[np.bool_]
     segments: npt.NDArray[np.int64]
     global_nodes: npt.NDArray[np.int64]
-    averages: Averages | None = None
+    averages: Averages
     axes: Nodal | None = None
     moving: MovingFoundation | None = None
     friction_axes: FrictionAxes | None = None
@@ -114,25 +114,12 @@ class ContactBoundary:
     @cached_property
     def centre(self) -> Nodal:
         """Where the force of each point acts on a rigid body, length, shape (n, d)."""
-        return self.x if self.averages is None else self.averages.arm
+        return self.averages.arm
 
     @property
     def paired(self) -> bool:
         """Whether points are those of two bodies."""
-        return self.averages is not None and self.averages.paired
-
-    @property
-    def selection(self) -> Averages:
-        """Each point takes the displacement of its node: what others average, said alike."""
-        itself = sp.eye_array(self.size, format="csr")
-        return Averages(itself, self.global_nodes, self.x, ~self.free, lift=itself)
-
-    @property
-    def reached(self) -> npt.NDArray[np.int64]:
-        """Global numbers of the nodes that the displacement at the points is made of, shape (m,): their own, or those
-        of ``averages``.
-        """
-        return self.global_nodes if self.averages is None else self.averages.nodes
+        return self.averages.paired
 
     @cached_property
     def tangents(self) -> Nodal:
@@ -206,8 +193,7 @@ class ContactBoundary:
     @property
     def _shared(self) -> SharedNodes:
         """The points that share a node with another one; none of those that average."""
-        reaches = np.ones(self.size) if self.averages is None else np.diff(self.averages.shares.indptr)
-        alone = np.flatnonzero(reaches == 1)
+        alone = np.flatnonzero(np.diff(self.averages.shares.indptr) == 1)
         _, node, times = np.unique(self.nodes[alone], return_inverse=True, return_counts=True)
         alone = alone[times[node] > 1]
         order = alone[np.argsort(self.nodes[alone], kind="stable")]
@@ -253,16 +239,14 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
     }
-    averages, pushing = None, None
-    if any(part.averages for part in parts):  # the others take the displacement of their nodes
-        averages = Averages.joined([part.averages or part.selection for part in parts])
+    pushing = None
     axes = [part.axes for part in parts if part.axes is not None]
     if any(part.pushing is not None for part in parts):
         pushing = np.concatenate([part.normal if part.pushing is None else part.pushing for part in parts])
     return ContactBoundary(
         parts[0].comm,
         **fields,
-        averages=averages,
+        averages=Averages.joined([part.averages for part in parts]),
         axes=np.concatenate(axes) if axes else None,
         friction_axes=FrictionAxes.joined([part.friction_axes for part in parts], [part.size for part in parts]),
         kinematics=parts[0].kinematics,
@@ -298,10 +282,9 @@ def nodal_points(space: fem.FunctionSpace, form: fem.Form, least: float) -> tupl
 def contact_part(
     space: fem.FunctionSpace,
     points: tuple[npt.NDArray[np.int32], Nodal, Nodal],
-    averages: Averages | None,
+    averages: Averages,
     facets: npt.NDArray[np.int32],
     index: int,
-    fixed: npt.NDArray[np.bool_],
     turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
     """The contact boundary of one rigid foundation from its ``points``, see ``nodal_points``."""
@@ -313,8 +296,8 @@ def contact_part(
         weight=weight,
         normal=normal,
         part=np.full(nodes.size, index, dtype=np.int32),
-        free=~fixed.reshape(-1, dim)[nodes] if averages is None else averages.any_of(~averages.fixed),
-        segments=segments_of(space, facets, index, vertices=averages is not None),
+        free=averages.any_of(~averages.fixed),
+        segments=segments_of(space, facets, index, vertices=averaging(space)),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
         averages=averages,
         axes=None if turned is None else turned.frames_at(nodes),
@@ -325,9 +308,9 @@ def contact_part(
 def no_points(space: fem.FunctionSpace) -> ContactBoundary:
     """The contact boundary of a body without contact."""
     dim, nowhere = space.mesh.geometry.dim, np.zeros(0, dtype=np.int32)
-    nothing_fixed = np.zeros(space.dofmap.index_map.size_local * dim, dtype=bool)
-    points = nowhere, np.zeros(0), np.zeros((0, dim))
-    return contact_part(space, points, None, nowhere, 0, nothing_fixed)
+    x = np.zeros((0, dim))
+    averages = Averages.at_nodes(nowhere.astype(np.int64), x, x.astype(bool))
+    return contact_part(space, (nowhere, np.zeros(0), x), averages, nowhere, 0)
 
 
 def segments_of(
@@ -368,15 +351,12 @@ def contact_map(
     if boundary is None:
         return ContactMap.without_contact(matrix, fixed, dimension)
     count, dim = boundary.size, dimension
-    nodes = boundary.reached.astype(np.int64)
-    point, values = np.arange(count), boundary.frames.transpose(0, 2, 1)
-    room: Any = (dim, 0)
-    if boundary.averages is not None:
-        blocks = sp.bsr_array(boundary.averages.operator, blocksize=(dim, dim))
-        point, nodes = np.repeat(point, np.diff(blocks.indptr)), nodes[blocks.indices]
-        values = values[point] @ blocks.data
-        row_entries = dim * int(np.bincount(point, minlength=count).max(initial=1))
-        room = (min(row_entries, columns), row_entries)
+    blocks = sp.bsr_array(boundary.averages.operator, blocksize=(dim, dim))
+    sizes = np.diff(blocks.indptr)
+    point, nodes = np.repeat(np.arange(count), sizes), boundary.averages.nodes[blocks.indices]
+    values = boundary.frames.transpose(0, 2, 1)[point] @ blocks.data
+    row_entries = dim * int(sizes.max(initial=1))
+    room: Any = (min(row_entries, columns), row_entries)
     operator = PETSc.Mat().createAIJ(((count * dim, None), (columns, None)), nnz=room, comm=matrix.comm)
     if point.size:
         rows = operator.getOwnershipRange()[0] + dim * point[:, None] + np.arange(dim)
@@ -455,7 +435,7 @@ def block_diagonal(operator: PETSc.Mat, blocks: Nodal) -> PETSc.Mat:
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
     """S of ``ContactMap`` where two bodies are in contact; None: else, or where points share a node; collective."""
     averages = boundary.averages
-    if averages is None or not averages.paired or averages.lift is None:
+    if not averages.paired or averages.lift is None:
         return None
     alone = boundary.nodes[np.diff(averages.shares.indptr) == 1]
     if parallel.any_rank(boundary.comm, np.unique(alone).size < alone.size):

@@ -77,10 +77,8 @@ def holds(
     held = bool((fixed.reshape(-1, dim)[nodes] & along).any())
     if boundary is None:
         return held
-    of_points = jump.nodes[boundary.nodes]
-    if (averages := boundary.averages) is not None:  # points see other nodes than their own, and the other body's
-        owned_flags = jump.nodes[: fixed.size // dim, None].astype(np.float64)
-        of_points = abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0
+    owned_flags, averages = jump.nodes[: fixed.size // dim, None].astype(np.float64), boundary.averages
+    of_points = abs(averages.shares) @ from_owners(owned_flags, averages.nodes, boundary.comm)[:, 0] > 0
     holding = (np.abs(boundary.normal @ jump.axis) > ROOT_OF_EPS) | np.isin(boundary.part, bonded)
     return held or bool((of_points & holding).any())
 

@@ -18,7 +18,7 @@ from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.averages import averaging
+from signorini_fx.mechanics.assembly.averages import Averages, averaging
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.nodal_values import NodalValues
 from signorini_fx.mechanics.contact_points.contact_boundary import (
@@ -535,7 +535,7 @@ def rigid_points(
     """The points of a rigid foundation from its assembled ``unit_form``; for the other arguments see ``boundary``;
     collective.
     """
-    (form, function), averages = compiled, None
+    (form, function), dim = compiled, space.mesh.geometry.dim
     if function is not None and shape.factor is not None:
         function.x.array.reshape(-1, function.function_space.dofmap.bs)[:, 0] = np.nan_to_num(shape.factor)
     if form is None:
@@ -544,7 +544,9 @@ def rigid_points(
         points, averages = averaged_points(space, facets, shape.factor, fixed)
     else:
         points = nodal_points(space, form, 0.0 if shape.factor is None else SAME_NUMBER)
-    part = contact_part(space, points, averages, facets, number, fixed, turned)
+        nodes, names = points[0], space.dofmap.index_map.local_to_global(points[0])
+        averages = Averages.at_nodes(names, node_positions(space)[nodes, :dim], fixed.reshape(-1, dim)[nodes])
+    part = contact_part(space, points, averages, facets, number, turned)
     if shape.direction is not None:
         return replace(part, normal=shape.direction[part.nodes])
     if shape.factor is not None:

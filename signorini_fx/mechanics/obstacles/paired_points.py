@@ -455,7 +455,6 @@ def turned_forces(state: ContactState, paired: PairedSides, displacement: Array)
     symmetric, and its transpose; ``paired``: both sides where they are undeformed; collective.
     """
     boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
-    assert averages is not None
     points = np.flatnonzero(boundary.part == paired.index)
     normal, weight = boundary.normal[points], boundary.weight[points, None, None]
     shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])

@@ -84,7 +84,7 @@ class RigidMotions:
         """
         piece = self.piece[boundary.nodes]
         free_modes = self.free.reshape(self.pieces.count, self.each, -1)
-        if boundary.averages is None or not boundary.averages.paired:
+        if not boundary.paired:
             moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ free_modes[piece]
         else:
             nodes, x = boundary.averages.nodes, boundary.averages.x
@@ -103,14 +103,13 @@ class RigidMotions:
         """Which pieces the relative displacement at each point is of, shape (n, pieces); collective."""
         found = self.piece[boundary.nodes][:, None] == np.arange(self.pieces.count)
         if boundary.paired:
-            assert boundary.averages is not None
             shares, of = boundary.averages.shares.tocoo(), self._pieces_at(boundary)
             found[shares.row, of[shares.col]] = True
         return found
 
     def joined(self, boundary: ContactBoundary) -> RigidMotions:
         """The same with bodies that can come into contact with each other as one assembly; collective."""
-        if boundary.averages is None or not boundary.averages.paired:
+        if not boundary.paired:
             return self
         shares, of = boundary.averages.shares.tocoo(), self.pieces.assembly
         links = of[self.piece[boundary.nodes[shares.row]]], of[self._pieces_at(boundary)[shares.col]]
@@ -142,7 +141,6 @@ class RigidMotions:
 
     def _pieces_at(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
         """The pieces that the nodes of averages are in, shape (m,); collective."""
-        assert boundary.averages is not None
         owned_pieces = self.piece[: self.owned, None].astype(np.float64)
         return from_owners(owned_pieces, boundary.averages.nodes, boundary.comm)[:, 0].astype(np.int64)
 

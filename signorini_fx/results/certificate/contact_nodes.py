@@ -133,10 +133,9 @@ class ContactNodes:
         """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d), relative to rigid bodies that have moved;
         the latter as a vector, shape (n, d).
         """
-        relative, averages = np.array(displacements[self.nodes]), self.contact.boundary.averages
-        if averages is not None:
-            values = from_owners(displacements[: self.body.owned], averages.nodes, self.body.comm)
-            relative = (averages.operator @ values.ravel()).reshape(relative.shape)
+        averages = self.contact.boundary.averages
+        values = from_owners(displacements[: self.body.owned], averages.nodes, self.body.comm)
+        relative = (averages.operator @ values.ravel()).reshape(self.normal.shape)
         for pair, part in self.contact.of_pairs:
             known = pair.relative(displacements[: self.body.owned], self.normal[part])
             relative[part] = relative[part] if known is None else known
@@ -153,8 +152,6 @@ class ContactNodes:
     def _at(self, values: Nodal) -> Nodal:
         """Values of nodes with ghosts, shape (nodes, d), at the points of one body, shape (n, d)."""
         own, averages = values[self.nodes], self.contact.boundary.averages
-        if averages is None:
-            return np.asarray(own)
         averaged = averages.shares @ from_owners(values[: self.body.owned], averages.nodes, self.body.comm)
         return np.where(self.contact.paired[:, None], own, averaged)
 
@@ -187,7 +184,7 @@ class ContactNodes:
         rigid foundation, length, shape (n,), from displacements of shape (owned nodes, d).
         """
         averages = self.contact.boundary.averages
-        if averages is None or not self.contact.pairs:
+        if not self.contact.pairs:
             return np.zeros(self.nodes.size)
         sums = abs(averages.operator) @ from_owners(np.abs(owned), averages.nodes, self.body.comm).ravel()
         return np.where(self.contact.paired, np.linalg.norm(sums.reshape(self.normal.shape), axis=1), 0.0)
@@ -199,8 +196,6 @@ class ContactNodes:
         force, averages = self.weight[:, None] * self.traction, self.contact.boundary.averages
         if parts:
             force[~np.isin(self.contact.boundary.part, parts)] = 0.0
-        if averages is None:
-            return self.nodes, force, self.weight
         dim, entries, owned = force.shape[1], averages.operator.tocoo(), self.body.owned
         places = entries.row // dim, entries.col // dim
         moving = sp.csr_array(sp.coo_array((entries.data != 0, places), shape=averages.shares.shape))

@@ -127,7 +127,6 @@ class SlidingPoints(PairPoints):
         if not frames.partnered.any():
             return 0.0
         averages = self.sides.boundary(coupling).averages
-        assert averages is not None
         in_plane[: len(coupling.slave.x)] = self.sides.slave.surface.across.any(axis=(1, 2))
         held = (abs(averages.operator) @ np.repeat(in_plane, dim)).reshape(-1, dim).any(axis=1)
         x, covered = np.concatenate((coupling.slave.x, coupling.master.x)), float(coupling.overlap.weight.sum())
