@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
@@ -300,7 +299,7 @@ class Resultants:
         if boundary in self._points:
             return np.array(self._points[boundary]), None
         space = self.displacement.function_space
-        form = unit_contact_form(space, ufl.TestFunction(space), self.tagged.facets(boundary))
+        form = unit_contact_form(space, self.tagged.facets(boundary))
         areas = assemble(form).reshape(self._x.shape)
         weights = np.linalg.norm(areas, axis=1)
         sums = np.concatenate((weights @ self._x, areas.sum(axis=0), [weights.sum()]))

@@ -254,7 +254,7 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
     )
 
 
-def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.int32], factor: Any = None) -> fem.Form:
+def unit_contact_form(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], factor: Any = None) -> fem.Form:
     """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the surface measure."""
     mesh = space.mesh
     degree, geometry = space.element.basix_element.degree, compat.geometry_degree(mesh)
@@ -264,7 +264,7 @@ def unit_contact_form(space: fem.FunctionSpace, z: Any, facets: npt.NDArray[np.i
     elif degree == 1:  # exactly: on the axis of a body of revolution the nodal rule has the weight zero
         rule = {"quadrature_degree": lumped_degree(degree, geometry)}
     ds = measure(mesh, [facets], rule)(1)
-    return compile_form(factor * ufl.inner(z, ufl.FacetNormal(mesh)) * ds)
+    return compile_form(factor * ufl.inner(ufl.TestFunction(space), ufl.FacetNormal(mesh)) * ds)
 
 
 def nodal_points(space: fem.FunctionSpace, form: fem.Form, least: float) -> tuple[npt.NDArray[np.int32], Nodal, Nodal]:

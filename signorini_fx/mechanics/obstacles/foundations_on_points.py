@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 
 from signorini_fx.algebra import Settings
@@ -262,12 +261,15 @@ class Foundations:
         """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure; a pair
         has none, nor have points that average.
         """
-        return [
-            (None, None)
-            if contact.against is not None or averaging(self._space)
-            else unit_form(self._space, facets, measured=contact.measure is not None)
-            for contact, facets in zip(self._contact, self.facets, strict=True)
-        ]
+        forms = list[tuple[Any, fem.Function | None]]()
+        for contact, facets in zip(self._contact, self.facets, strict=True):
+            if contact.against is not None or averaging(self._space):
+                forms.append((None, None))
+                continue
+            function = None if contact.measure is None else fem.Function(self._space)
+            factor = None if function is None else function[0]
+            forms.append((unit_contact_form(self._space, facets, factor), function))
+        return forms
 
     def factor_of(self, number: int) -> Array | None:
         """The factor of the measure of one contact at all nodes of this rank, shape (nodes,); None: 1; collective.
@@ -513,16 +515,6 @@ class Foundations:
         return gap
 
 
-def unit_form(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], *, measured: bool
-) -> tuple[Any, fem.Function | None]:
-    """The unit contact form of a rigid foundation, and the coefficient in it that is the factor of its measure."""
-    function = fem.Function(space) if measured else None
-    factor = None if function is None else function[0]
-    z = ufl.TestFunction(space)
-    return unit_contact_form(space, z, facets, factor), function
-
-
 def rigid_points(
     space: fem.FunctionSpace,
     compiled: tuple[Any, fem.Function | None],
@@ -532,7 +524,7 @@ def rigid_points(
     fixed: npt.NDArray[np.bool_],
     turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
-    """The points of a rigid foundation from its assembled ``unit_form``; for the other arguments see ``boundary``;
+    """The points of a rigid foundation from one of ``Foundations.forms``; for the other arguments see ``boundary``;
     collective.
     """
     (form, function), dim = compiled, space.mesh.geometry.dim

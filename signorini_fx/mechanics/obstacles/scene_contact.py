@@ -159,7 +159,6 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
         SceneError: the points are asked for on facets that another contact needs.
     """
     contacts = list(statement.contact)
-    problems = []
     for number, effect in enumerate(statement.contact):
         if effect.against is None or effect.points == "boundary":
             continue
@@ -173,20 +172,13 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
         ]
         if effect.points == "auto":
             taken += [support.where for support in statement.displacement]
-        if (existing := _sharing(effect.against, taken, tagged, facets)) is not None:
-            if effect.points == "against":
-                message = f"{effect.against!r} shares facets with {existing!r} of another contact: leave the points on"
-                problems.append((f"contact[{number}].points", f"{message} {effect.boundary!r}"))
-            continue
-        contacts[number] = effect.model_copy(
-            update={
-                "boundary": effect.against,
-                "against": effect.boundary,
-                "points": "auto" if effect.points == "auto" else "boundary",
-            }
-        )
-    if problems:
-        raise SceneError(problems)
+        points = "auto" if effect.points == "auto" else "boundary"
+        exchanged = {"boundary": effect.against, "against": effect.boundary, "points": points}
+        if (existing := _sharing(effect.against, taken, tagged, facets)) is None:
+            contacts[number] = effect.model_copy(update=exchanged)
+        elif points == "boundary":
+            message = f"{effect.against!r} shares facets with {existing!r} of another contact: leave the points on"
+            raise SceneError([(f"contact[{number}].points", f"{message} {effect.boundary!r}")])
     if all(contact is existing for contact, existing in zip(contacts, statement.contact, strict=True)):
         return statement
     return statement.changed(contact=tuple(contacts))

@@ -35,7 +35,7 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
+from signorini_fx.mechanics.pairs.pair_side import PairSurface
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
 from signorini_fx.mechanics.pairs.sparse_maps import (
     beside,
@@ -82,12 +82,11 @@ class SlidingCoupling:
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         gap: length, shape (n,); infinite without a partner.
         frames: of the points.
-        covered: share of the area of each node that sees the master, shape (n,).
         normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
             (n, d m).
         tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
         centre: where forces act, length, shape (n, d).
-        overlap: where both sides see each other and one can move.
+        covered: undeformed area of the slave where both sides see each other and one can move.
         pieces: what the second derivatives of the gap are made of; None: no point has a partner.
     """
 
@@ -98,11 +97,10 @@ class SlidingCoupling:
     normal: Array
     gap: Array
     frames: Frames
-    covered: Array
     normal_rows: sp.csr_array
     tangent_rows: sp.csr_array
     centre: Array
-    overlap: Overlap = field(repr=False)
+    covered: float
     pieces: SlidingPieces | None = field(repr=False)
 
     def slip(self, begun: Frames) -> Array:
@@ -206,8 +204,7 @@ def slide(
     at_nodes = np.ones(unpaired.size), (unpaired, points[unpaired])
     itself = sp.csr_array(at_nodes, shape=(count, len(slave.x)))
 
-    weights, covered = slave.area[points], np.zeros(count)
-    covered[at] = found.weight / weights[at]
+    weights = slave.area[points]
     weights[at] = found.weight
     sharing, opposite = sp.csr_array(placed_rows(found.slave, at, count) + itself), placed_rows(found.master, at, count)
     normals, centre = slave.in_planes(slave.directions[points], points), slave.x[points]
@@ -231,8 +228,7 @@ def slide(
     way = _way(tangents, sharing @ slave.x - opposite @ master.x)
     frames = Frames(sharing, opposite, tangents, way, partnered)
     rows = sp.csr_array(normal_rows), tangent_rows
-    place = centre, tested.overlap
-    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, covered, *rows, *place, pieces)
+    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, *rows, centre, found.covered, pieces)
 
 
 def along_vectors(vectors: Array) -> sp.csr_array:

@@ -129,9 +129,11 @@ class SlidingPoints(PairPoints):
         averages = self.sides.boundary(coupling).averages
         in_plane[: len(coupling.slave.x)] = self.sides.slave.surface.across.any(axis=(1, 2))
         held = (abs(averages.operator) @ np.repeat(in_plane, dim)).reshape(-1, dim).any(axis=1)
-        x, covered = np.concatenate((coupling.slave.x, coupling.master.x)), float(coupling.overlap.weight.sum())
+        x = np.concatenate((coupling.slave.x, coupling.master.x))
         weight = np.where(facing, coupling.weight[mine], 0.0)
-        errors = _identities(self.sides, x, (averages.operator, weight, covered), None, (facing, facing & ~held))
+        errors = _identities(
+            self.sides, x, (averages.operator, weight, coupling.covered), None, (facing, facing & ~held)
+        )
         errors += [_largest(part[mine].sum(axis=1)[facing] - 1.0) for part in (frames.slave, frames.master)]
         return parallel.global_max(self.sides.space.mesh.comm, float(max(errors)))
 
