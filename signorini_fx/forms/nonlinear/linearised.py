@@ -51,7 +51,6 @@ from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.foundations_on_points import (
@@ -151,24 +150,17 @@ class MovingFoundations(Foundations):
         """Along the axis of a body of revolution alone, as forces around it cancel."""
         return bool(shape.prescribes("x") == 0.0)
 
-    def _paired(
-        self,
-        number: int,
-        factor: Array | None,
-        fixed: npt.NDArray[np.bool_],
-        turned: TurnedNodes | None,
-        at_rest: npt.NDArray[np.bool_] | None,
-    ) -> ContactBoundary:
+    def _paired(self, number: int, *known: Any) -> ContactBoundary:
         """Where both sides are now, if they slide; else with the partners of undeformed sides and normals of now."""
         if number in self.sliding:
             return self.sliding[number].boundary()
-        facts = [values.tobytes() for values in (fixed, at_rest, factor) if values is not None]
+        facts = [values.tobytes() for values in known if isinstance(values, np.ndarray)]
         last = self._undeformed.get(number)
         if parallel.any_rank(self._space.mesh.comm, last is None or facts != last[0]):
-            super()._paired(number, factor, fixed, turned, at_rest)
+            super()._paired(number, *known)
             last = self._undeformed[number] = facts, self._pairs[number]
         assert last is not None
-        paired, owned = last[1], fixed.size // self._dimension
+        paired, owned = last[1], self._space.dofmap.index_map.size_local
         if not self._contact[number].bonded:
             paired = paired.deformed(self.at.x.array.reshape(-1, self._dimension)[:owned])
         self._pairs[number] = paired

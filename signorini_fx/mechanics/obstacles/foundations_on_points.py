@@ -71,14 +71,12 @@ class FoundationData:
         shape: its direction and measure.
         law: of friction, with such values; None: there is none.
         gap: d, length; nan where no facet is.
-        bilateral: whether the contact cannot open.
         allowance: what the user gives of the gap of a pair, without what its sides say; None: all of it is given.
     """
 
     shape: ShapeDistances
     law: FrictionLaw | None
     gap: Array
-    bilateral: bool
     allowance: Array | None = None
 
 
@@ -342,18 +340,11 @@ class Foundations:
         """Which dofs are prescribed to be zero, if pairs are there, which alone take notice of it."""
         return np.asarray(fixed & (values == 0) & bool(self._masters))
 
-    def _paired(
-        self,
-        number: int,
-        factor: Array | None,
-        fixed: npt.NDArray[np.bool_],
-        turned: TurnedNodes | None,
-        at_rest: npt.NDArray[np.bool_] | None,
-    ) -> ContactBoundary:
-        """The points of a pair, with a factor of its measure at all nodes of this rank."""
+    def _paired(self, number: int, *known: Any) -> ContactBoundary:
+        """The points of a pair; ``known``: the further arguments of ``facing``."""
         from signorini_fx.mechanics.obstacles.paired_points import PairedSides
 
-        pair, facing = self._contact[number], self.facing(number, factor, fixed, turned, at_rest)
+        pair, facing = self._contact[number], self.facing(number, *known)
         assert isinstance(pair, Pair)
         self._pairs[number] = PairedSides.from_facing(facing, pair)
         return self._pairs[number].boundary()
@@ -366,7 +357,8 @@ class Foundations:
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_] | None,
     ) -> FacingSides:
-        """Both sides of a pair before they are paired, for the arguments see ``boundary``; collective.
+        """Both sides of a pair before they are paired, with a factor of its measure at all nodes of this rank; for the
+        other arguments see ``boundary``; collective.
 
         Raises:
             FormError: see ``FacingSides``.
@@ -451,9 +443,8 @@ class Foundations:
             FormError: a value is wrong somewhere.
         """
         contact_data = []
-        for k, (contact, shape, law) in enumerate(zip(self._contact, shapes, self.friction(), strict=True)):
-            gap, allowance = self._gap_of(k)
-            contact_data.append(FoundationData(shape, law, gap, contact.bilateral or contact.bonded, allowance))
+        for k, (shape, law) in enumerate(zip(shapes, self.friction(), strict=True)):
+            contact_data.append(FoundationData(shape, law, *self._gap_of(k)))
         return contact_data
 
     def problem(
@@ -468,9 +459,12 @@ class Foundations:
             scales: of the body.
         """
         law = self.law(boundary, scales.modulus, [entry.law for entry in data])
-        parts = [k for k, contact_data in enumerate(data) if contact_data.bilateral]
-        bilateral = np.isin(boundary.part, parts)
-        gap = self._gap(boundary, data)
+        closed = [k for k, contact in enumerate(self._contact) if contact.bilateral or contact.bonded]
+        bilateral, gap = np.isin(boundary.part, closed), np.zeros(boundary.size)
+        # The gap is that of nodes, whose value averages of a linear displacement have, too.
+        for k, contact_data in enumerate(data):
+            on_part = boundary.part == k
+            gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
         regularised = RegularisedData.unshifted(
             gap, self._dimension - 1, settings, scales.gamma, law, bilateral, boundary.points.immovable
         )
@@ -505,14 +499,6 @@ class Foundations:
             if self._contact[k].bonded:
                 parts[-1] = stuck(np.ones(at.size, dtype=bool))
         return joined(parts, points).without_pressure(boundary.points.immovable)
-
-    def _gap(self, boundary: ContactBoundary, data: Sequence[FoundationData]) -> Array:
-        """The gap at the points: that of their nodes, whose value averages of a linear displacement have, too."""
-        gap = np.zeros(boundary.size)
-        for k, contact_data in enumerate(data):
-            on_part = boundary.part == k
-            gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
-        return gap
 
 
 def rigid_points(

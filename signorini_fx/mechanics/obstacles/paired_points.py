@@ -35,10 +35,17 @@ from signorini_fx.mechanics.pairs.mortar_coupling import (
     couple,
     normals_of_points,
 )
-from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
+from signorini_fx.mechanics.pairs.pair_side import (
+    Lagrange,
+    Overlap,
+    PairSurface,
+    beside,
+    of_blocks,
+    of_components,
+    turned_normals,
+)
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, slide
-from signorini_fx.mechanics.pairs.sparse_maps import beside, of_blocks, of_components, turned_normals
 from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]

@@ -17,8 +17,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
-from signorini_fx.mechanics.pairs.sparse_maps import placed_rows, scaled_columns, scaled_rows
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, placed_rows, scaled_columns, scaled_rows
 from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]

@@ -41,9 +41,8 @@ from signorini_fx.mechanics.pairs.overlap import (
     turned_in_plane,
     turned_in_space,
 )
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, beside, turning_of, without_round_off
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.mechanics.pairs.sparse_maps import beside, turning_of, without_round_off
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, DIGITS_OF_FILES, NEGLIGIBLE, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]

@@ -35,9 +35,8 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
-from signorini_fx.mechanics.pairs.pair_side import PairSurface
-from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
-from signorini_fx.mechanics.pairs.sparse_maps import (
+from signorini_fx.mechanics.pairs.pair_side import (
+    PairSurface,
     beside,
     of_blocks,
     of_components,
@@ -45,6 +44,7 @@ from signorini_fx.mechanics.pairs.sparse_maps import (
     scaled_rows,
     turned_normals,
 )
+from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

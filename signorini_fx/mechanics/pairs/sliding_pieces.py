@@ -27,8 +27,7 @@ import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap import PLACES_OF_RULE, axes_across, projected_places
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
-from signorini_fx.mechanics.pairs.sparse_maps import of_blocks, turned_normals, turning_of
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, of_blocks, turned_normals, turning_of
 from signorini_fx.tuned import NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
