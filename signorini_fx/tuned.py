@@ -382,10 +382,6 @@ KEPT_WEIGHT = 0.03
 # Share of its weight from which a function of sides that slide is all its own: below it turns evenly into a mean of
 # those beside it, which it is at the share above.  Choice.
 WHOLE_WEIGHT = 0.15
-# Share of a held point of one side that is over held nodes of the other side, above which nothing can move it.  Choice.
-MOSTLY_HELD = 0.5
-# The direction and the normal of a facet enclose an angle with at most this tangent.  Choice: 45 degrees.
-TURNED_DIRECTION = 1.0
 # Of two sides that face each other the product of the normals is below this.  Choice: 102 degrees.
 FACING_SIDES = -0.2
 # How many facets points of two nonlinear bodies that keep their partners may move along the other side without a

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, placed_rows, scaled_columns, scaled_rows
-from signorini_fx.tuned import KEPT_WEIGHT, MOSTLY_HELD, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
+from signorini_fx.tuned import KEPT_WEIGHT, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -65,7 +65,7 @@ class HeldSides:
 
 def constrained(movable: Array) -> Flags:
     """Nodes that are held over what is held of the master, by more than half; see ``HeldSides.movable``."""
-    return np.asarray(movable < 1.0 - MOSTLY_HELD - SAME_NUMBER)
+    return np.asarray(movable < 0.5 - SAME_NUMBER)
 
 
 def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:

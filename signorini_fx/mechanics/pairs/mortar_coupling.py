@@ -23,7 +23,6 @@ rotation that of the master, omega_i(u_m) x d_i: with D = 1 a ring of facets tur
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +33,6 @@ from scipy.spatial import cKDTree
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, constrained, dual_coefficients, extended
 from signorini_fx.mechanics.pairs.overlap import (
-    facing_facets,
     patches,
     plane_overlap,
     space_overlap,
@@ -344,13 +342,12 @@ def projected(
     """
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     facets = np.arange(*ends)
-    project, turned = partial(space_overlap, slave, master, reach, facets), turned_in_space
-    if slave.dimension == 2:  # which facets may meet does not depend on directions
-        pairs = facing_facets(slave, master, reach, facets)
-        project, turned = partial(plane_overlap, slave, master, pairs), turned_in_plane
+    project, turned = plane_overlap, turned_in_plane
+    if slave.dimension == 3:
+        project, turned = space_overlap, turned_in_space
 
     def found(directions: Array | None) -> Tested:
-        overlap = project(directions).measured(slave).within(reach, slave, master)
+        overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
         return Tested.of(slave, overlap, comm, bonded=bonded)
 
     tested = found(None)

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
-from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT, SAME_LENGTH, TURNED_DIRECTION, ZERO_COMPONENT
+from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT, SAME_LENGTH, SAME_NUMBER, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -257,34 +257,19 @@ def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple
     return functions.values(at) @ reference, np.abs(_cross(*(slopes @ flat)) / _cross(*(slopes @ reference)))
 
 
-def facing_facets(slave: PairSurface, master: PairSurface, reach: float, facets: Indices) -> tuple[Indices, Indices]:
-    """Pairs of facets of both sides that may meet, shape (m,) each.
-
-    Args:
-        slave: the side with the points, d = 2.
-        master: the other one.
-        reach: distance beyond which facets are no partners, length.
-        facets: the facets of the slave that are paired, shape (m,).
-    """
-    slave_facets, master_facets = candidates(
-        patches(slave, facets), patches(master, np.arange(len(master.nodes))), reach, TURNED_DIRECTION
-    )
-    return facets[slave_facets], master_facets
-
-
 def plane_overlap(
-    slave: PairSurface, master: PairSurface, pairs: tuple[Indices, Indices], directions: Array | None
+    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None = None
 ) -> Overlap:
-    """The overlap, one piece for each pair of facets that meet.
+    """The overlap, one piece for each pair of facets that meet; for the arguments see ``space_overlap``, d = 2.
 
-    Args:
-        slave: the side with the points, d = 2.
-        master: the other one.
-        pairs: of facets that may meet.
-        directions: of projection at the nodes of the slave, shape (N, 2); None: its normals.
+    Directions at nodes are the normals of the slave where none are given.
     """
-    slave_facets, master_facets = pairs
-    normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[slave_facets]]
+    flat, opposite = patches(slave, facets), patches(master, np.arange(len(master.nodes)))
+    normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[facets]]
+    cosine, sine = np.einsum("fkd,fd->fk", normals, flat.normal), _cross(normals, flat.normal[:, None])
+    turning = (np.abs(sine) / np.maximum(cosine, SAME_NUMBER)).max(axis=1)
+    numbers, master_facets = candidates(flat, opposite, reach, turning)
+    slave_facets, normals = facets[numbers], normals[numbers]
     corners = slave.corners[slave_facets]
     at_ends = [np.full((len(master_facets), 1, 1), parameter) for parameter in (0.0, 1.0)]
     vertices = np.concatenate([master.positions(master_facets, end)[:, 0] for end in at_ends])

@@ -56,7 +56,7 @@ def default_reach(slave: Array, master: Array) -> float:
     return nearest + DEEPEST_OVERLAP * min(sizes)
 
 
-def candidates(slave: Patches, master: Patches, reach: float, turning: npt.ArrayLike) -> tuple[Indices, Indices]:
+def candidates(slave: Patches, master: Patches, reach: float, turning: Array) -> tuple[Indices, Indices]:
     """Pairs of patches that face each other, one over the other as the slave's normal sees it, and within reach.
 
     The slave is halved again and again.  Each part keeps those patches of the master that may belong to some patch of
@@ -66,14 +66,13 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: npt.Array
         slave: patches of the one side.
         master: those of the other one.
         reach: length.
-        turning: tangent of the angle between the directions of projection and the normal of a patch, one for all
-            patches of the slave or one for each.
+        turning: tangent of the angle between the directions of projection and the normal of each patch of the slave,
+            shape (p,).
 
     Returns:
         Numbers of the slave and of the master patch of each pair, ascending, shape (m,) each.
     """
-    turnings = np.broadcast_to(np.asarray(turning, dtype=np.float64), (len(slave.corners),))
-    search = _Search(slave, master, reach, turnings)
+    search = _Search(slave, master, reach, turning)
     pairs: list[tuple[Indices, Indices]] = []
     parts: list[tuple[Indices, Indices]] = []
     if len(slave.corners) and len(master.corners):
