@@ -81,8 +81,7 @@ class ContactBoundary:
             plane in order along the facet, in 3D as basix has them.
         global_nodes: global number of the node, shape (n,).
         averages: how each point averages the displacement around it.
-        axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d); None: the
-            axes of space.
+        axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d).
         moving: foundations whose motion is an unknown; None: there are none.
         friction_axes: of friction that depends on the direction; None: none does.
         kinematics: of displacements with these components on these cells, whatever the scene is.
@@ -100,7 +99,7 @@ class ContactBoundary:
     segments: npt.NDArray[np.int64]
     global_nodes: npt.NDArray[np.int64]
     averages: Averages
-    axes: Nodal | None = None
+    axes: Nodal
     moving: MovingFoundation | None = None
     friction_axes: FrictionAxes | None = None
     kinematics: Kinematics = SPACE
@@ -148,9 +147,7 @@ class ContactBoundary:
             return tangents
         for axis in range(3):
             held_across = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= ROOT_OF_EPS)
-            along = np.broadcast_to(np.eye(3)[axis], (np.count_nonzero(held_across), 3))
-            if self.axes is not None:
-                along = self.axes[held_across, :, axis]
+            along = self.axes[held_across, :, axis]
             tangents[held_across] = np.stack((along, np.cross(self.normal[held_across], along)), axis=2)
         return tangents if self.friction_axes is None else self.friction_axes.directions(self.normal, tangents)
 
@@ -165,24 +162,17 @@ class ContactBoundary:
         return np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
 
     @property
-    def frames_in_axes(self) -> Nodal:
-        """Orthonormal ``frames`` in the components that ``free`` is told in, shape (n, d, d)."""
-        frames = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
-        return frames if self.axes is None else np.einsum("nji,njk->nik", self.axes, frames)
-
-    @property
     def _components(self) -> Nodal:
         """Sizes of the components of the normal that ``free`` is told of, shape (n, d)."""
-        normal = self.normal if self.axes is None else np.einsum("ij,ijk->ik", self.normal, self.axes)
-        return np.abs(normal)
+        return np.abs(np.einsum("ij,ijk->ik", self.normal, self.axes))
 
     @cached_property
     def points(self) -> ContactPoints:
         """The same without coordinates, for the core."""
-        frames = self.frames_in_axes
+        orthonormal = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
+        frames = np.einsum("nji,njk->nik", self.axes, orthonormal)
         movable = np.einsum("nki,nk,nkj->nij", frames, self.free.astype(np.float64), frames)
         if self.moving is not None:
-            orthonormal = np.concatenate((self.normal[:, :, None], self._axes), axis=2)
             moves = np.einsum("nij,nik->njk", orthonormal, self.moving.modes[:, :, ~self.moving.fixed])
             on_moving = moves.any(axis=(1, 2))
             movable[on_moving] = onto_range(
@@ -237,17 +227,15 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
     """Several contact boundaries as one list of nodes."""
     fields: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes")
+        for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes", "axes")
     }
     pushing = None
-    axes = [part.axes for part in parts if part.axes is not None]
     if any(part.pushing is not None for part in parts):
         pushing = np.concatenate([part.normal if part.pushing is None else part.pushing for part in parts])
     return ContactBoundary(
         parts[0].comm,
         **fields,
         averages=Averages.joined([part.averages for part in parts]),
-        axes=np.concatenate(axes) if axes else None,
         friction_axes=FrictionAxes.joined([part.friction_axes for part in parts], [part.size for part in parts]),
         kinematics=parts[0].kinematics,
         pushing=pushing,
@@ -300,7 +288,7 @@ def contact_part(
         segments=segments_of(space, facets, index, vertices=averaging(space)),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
         averages=averages,
-        axes=None if turned is None else turned.frames_at(nodes),
+        axes=np.tile(np.eye(dim), (nodes.size, 1, 1)) if turned is None else turned.frames_at(nodes),
         kinematics=of_components(space.mesh.topology.dim, dim),
     )
 

@@ -317,12 +317,11 @@ class FacingSides:
         """The contact points at nodes of the slave that this rank owns, which do not move across a plane of symmetry;
         ``of_points``: what else is known of them.
         """
-        x, axes = self.slave.surface.x[nodes], None if self.axes is None else self.axes[nodes]
-        across, free = self.slave.surface.across[nodes], np.ones(x.shape, dtype=bool)
-        if axes is None:
-            free = averages.any_of(~averages.fixed)
-        else:
-            across = np.einsum("nji,njk,nkl->nil", axes, across, axes)
+        x, free = self.slave.surface.x[nodes], averages.any_of(~averages.fixed)
+        axes: Array = np.tile(np.eye(x.shape[1]), (nodes.size, 1, 1))
+        if self.axes is not None:
+            axes, free = self.axes[nodes], np.ones(x.shape, dtype=bool)
+        across = np.einsum("nji,njk,nkl->nil", axes, self.slave.surface.across[nodes], axes)
         return ContactBoundary(
             comm=self.space.mesh.comm,
             nodes=self.local(nodes),

@@ -223,8 +223,6 @@ class ContactNodes:
     def _movable(self, vectors: Nodal) -> Nodal:
         """The part of vectors at the points that is along directions in which the body can move, shape (n, d)."""
         free, axes = self.contact.boundary.free, self.contact.boundary.axes
-        if axes is None:
-            return np.where(free, vectors, 0.0)
         return np.einsum("nij,nj->ni", axes, np.where(free, np.einsum("nij,ni->nj", axes, vectors), 0.0))
 
     @property
