@@ -106,7 +106,7 @@ def test_squeezed(gap, algorithm):
     leaves = 0.0 if algorithm == "alm" else 2 * exact / solution.parameters["gamma_n"] / 0.02
     np.testing.assert_allclose(solution.contact.pressure, exact, rtol=1e-7 + 2 * leaves)
     assert solution.contact.in_contact.all()
-    assert not any("no load presses" in found.message for found in solution.findings)
+    assert not any("nothing presses" in found.message for found in solution.findings)
 
 
 @pytest.mark.parametrize("gap", [(0.01, 0.01), (0.0, 0.0), (0.03, -0.02)])
@@ -114,7 +114,7 @@ def test_nothing_presses(gap):
     """Where the block has room, or touches without interference, nothing presses it on."""
     solution = outcome(fitted(gap, LEFT))
     assert solution.status is Status.OPEN
-    assert any("no load presses" in found.message for found in solution.findings)
+    assert "nothing presses on the body" in solution.advice
 
 
 @pytest.mark.one_quick
@@ -142,7 +142,7 @@ def test_loads_that_balance_each_other(friction, cell, nx, ny):
         )
         solution = outcome(scene)
         assert (solution.status, solution.history.linear_solves) == (Status.OPEN, 0)
-        assert any("no load presses" in found.message for found in solution.findings)
+        assert "nothing presses on the body" in solution.advice
 
 
 @pytest.mark.one_quick
@@ -192,7 +192,7 @@ def test_held_by_friction_where_a_beam_bends_down(pressure, status, algorithm):
         assert solution.certificate.holds
         assert solution.contact.pressure.max() > 0
     else:
-        assert "no load presses the body on its foundation" in solution.advice
+        assert "nothing presses on the body" in solution.advice
 
 
 @pytest.mark.one_quick
