@@ -152,9 +152,11 @@ def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
         all_tags = {name: xdmf.read_meshtags(mesh, name=name) for name in names[1:]}
     if kind is None:
         raise ValueError("its cells have a degree above 2")
-    raw = RawMesh(mesh.geometry.x, [(kind.kind, compat.geometry_cells(mesh)[:, np.argsort(order_of_nodes(kind))])])
+    cells = compat.geometry_cells(mesh)[:, np.argsort(order_of_nodes(kind))]
+    raw = RawMesh(mesh.geometry.x, [(kind.kind, cells.astype(np.int64))])
     of_facets = {name: tags for name, tags in all_tags.items() if tags.dim == dim - 1}
-    raw.blocks += [(kind.facet, dmesh.entities_to_geometry(mesh, dim - 1, tags.indices)) for tags in of_facets.values()]
+    for tags in of_facets.values():
+        raw.blocks.append((kind.facet, dmesh.entities_to_geometry(mesh, dim - 1, tags.indices).astype(np.int64)))
     for name, tags in all_tags.items():
         raw.data[name] = [np.full(len(nodes), -1) for _, nodes in raw.blocks]
         if tags.dim == dim:
