@@ -235,8 +235,8 @@ class NodalForces(BodyNodes):
             scaled = [replace(skew, values=factors[id(skew.effect)] * skew.values) for skew in turned.supports]
             turned = replace(turned, supports=scaled)
             turned.place(value, entries)
-        value, by = value[: self.owned], by[: self.owned]
-        return PrescribedNodes(supports.fixed.reshape(value.shape), value, by, turned)
+        fixed = supports.fixed.reshape(self.owned, self.dimension)
+        return PrescribedNodes(fixed, value[: self.owned], by[: self.owned], turned)
 
     def _sum(self, forms: Sequence[fem.Form]) -> Array:
         """Linear forms, forces of shape (owned nodes, d)."""
