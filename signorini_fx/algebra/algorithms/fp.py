@@ -15,7 +15,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import shares
 from signorini_fx.records import Status
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NEGLIGIBLE
 
 
 def fixed_point(
@@ -46,7 +46,8 @@ def fixed_point(
         augmentation: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
             unregularised solution.
     """
-    g = start[0]
+    g, norms = start[0], newton.problem.groups.norms
+    previous: Nodal | None = None
     if augmentation is not None:
         data = replace(data, lambda_hat=start[0], mu_hat=start[1])
     for _ in range(max_outer):
@@ -60,7 +61,15 @@ def fixed_point(
         settled = change is not None and change <= tolerance and (augmentation is None or augmentation.settled)
         if settled and _missed(newton, data, law) <= max(tolerance, CERTIFICATE_TOLERANCE):
             return Status.CONVERGED
-        g = pressure
+        # The Tresca problem with a given bound has one pressure: what comes back after two steps comes back for ever.
+        if augmentation is None and previous is not None:
+            back = norms(pressure - previous) <= NEGLIGIBLE * norms(pressure - g)
+            measured = change is not None and newton.problem.groups.count == 1
+            left = (np.array([change]) if measured else _changes(newton, g)) > tolerance
+            if np.any(back & left) if left.any() else back.all():
+                newton.history.add("the fixed point alternates between two friction bounds")
+                return Status.OUTER_MAX_ITERATIONS
+        previous, g = g, pressure
         if augmentation is not None:
             data = augmentation.next(data)
     return Status.OUTER_MAX_ITERATIONS
