@@ -101,7 +101,8 @@ class StatedBody(SolidBody):
         from signorini_fx.results.accuracy.stress_recovery import StressRecovery, element_stress
         from signorini_fx.results.stresses import RawStresses
 
-        return RawStresses(element_stress(self, y, step), partial(StressRecovery.of, self), step, shared, model=self)
+        projects, balance = partial(StressRecovery.of, self), partial(self.balance, y, step)
+        return RawStresses(element_stress(self, y, step), projects, step, shared, model=self, balance=balance)
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         from signorini_fx.results.certificate.nodal_forces import NodalForces

@@ -24,6 +24,7 @@ from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.singularities import why_no_limit
 
 Nodal = npt.NDArray[np.float64]
@@ -190,12 +191,14 @@ class RawStresses(StressFields):
         place: of the load step in the lists of factors, see ``statement.load_path``.
         shared: where what projects is kept for other displacements.
         model: the body of a scene; None: the forms alone are known.
+        balance: its forces; None: the forms alone are known.
     """
 
     projects: Callable[[], StressRecovery] | None
     place: float = 0.0
     shared: dict[str, StressRecovery] = field(default_factory=dict)
     model: Model | None = field(default=None, kw_only=True)
+    balance: Callable[[], Balance] | None = field(default=None, kw_only=True)
 
     @property
     def recovers(self) -> bool:
@@ -218,7 +221,11 @@ class RawStresses(StressFields):
     @cached_property
     def energy(self) -> float:
         """The strain energy of the stress; collective."""
-        return self.recovery.energy(self.stress.displacement, self.place)
+        if self.balance is None:
+            return self.recovery.energy(self.stress.displacement)
+        balance = self.balance()
+        y = self.stress.displacement.x.array.reshape(-1, balance.surface.dimension)
+        return balance.strain_energy(balance.works(y[: balance.surface.owned]))
 
     @property
     def plastic_strain(self) -> fem.Function | None:

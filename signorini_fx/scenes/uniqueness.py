@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc

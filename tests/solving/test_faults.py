@@ -6,7 +6,6 @@ A result folder holds a whole result or none: every test here ends by looking fo
 import csv
 import json
 import os
-import re
 import resource
 import signal
 import subprocess
@@ -164,10 +163,7 @@ def test_interrupted(tmp_path):
                 break
         _, errors = process.communicate(timeout=120)
     assert process.returncode == 130
-    (line,) = errors.splitlines()
-    assert line.startswith("signorini-fx: interrupted after ")
-    assert line.endswith("; --restart goes on from what is complete")
-    assert int(re.search(r"on mesh (\d)", line)[1]) >= 3
+    assert errors.splitlines() == ["signorini-fx: interrupted; --restart goes on from what is complete"]
     assert {path.name for path in (tmp_path / "out").iterdir()} == {CHECKPOINT, MANIFEST}
 
 

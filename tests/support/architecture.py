@@ -49,6 +49,7 @@ LAYERS = (
     "mechanics.laws",
     "mechanics.statement",
     "algebra.algorithms",
+    "algebra.regularised",
     "algebra.linalg",
     "algebra.contact",
     "algebra",
@@ -60,6 +61,7 @@ LAYERS = (
 # The packages that solve a contact problem given by matrices: they import nothing of those above them.
 CORE = ("algebra.algorithms", "algebra", "algebra.linalg", "algebra.contact")
 BESIDE = {
+    "algebra.regularised": ("algebra.regularised",),
     "scenes.cli": ("__main__",),
     "mechanics.body": ("mechanics.model",),
     "mechanics.obstacles": ("mechanics.interfaces",),

@@ -109,9 +109,9 @@ class StressRecovery:
             ksp.setUp()
         return ksp
 
-    def energy(self, y: fem.Function, step: float = 0) -> float:
+    def energy(self, y: fem.Function) -> float:
         """Strain energy of the stress of a displacement; collective."""
-        self._fill(y, step)
+        self._fill(y, 0)
         self._recovered.x.array[:] = 0.0
         local_energy = 0.0
         for cells in self._parts:
