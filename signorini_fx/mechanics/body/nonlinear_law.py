@@ -31,7 +31,7 @@ from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
 from signorini_fx.mechanics.loads.follower_pressure import Followers, following, without_followers
 from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
-from signorini_fx.mechanics.materials.nonlinear import PathDependent
+from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
 from signorini_fx.mechanics.materials.protocol import PAIRS
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import Resistance
@@ -191,7 +191,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
         if reduced is not None:
             volume = measure(number + len(cells), metadata={"quadrature_degree": reduced})
         if material.finite:
-            parts_of_energy = _energies(material, ufl.Identity(3) + kinematics.gradient(u), free)
+            parts_of_energy = _energies(material, kinematics.gradient(u), free)
             energies += [energy * around * d for energy, d in zip(parts_of_energy, (shape, volume), strict=False)]
             continue
         bulk, shear = _constants(material)
@@ -237,19 +237,20 @@ def stress_parts(material: Any, u: fem.Function, kinematics: Kinematics, free: A
             strain -= free * identity
         of_shape = None if isinstance(material, PathDependent) else 2 * shear * ufl.dev(strain)
         return [of_shape, bulk * ufl.tr(strain) * identity]
-    gradient = ufl.variable(identity + kinematics.gradient(u))
-    energies = _energies(material, gradient, free)
-    stresses = [ufl.diff(energy, gradient) * gradient.T / ufl.det(gradient) for energy in energies]
+    change = ufl.variable(kinematics.gradient(u))
+    gradient = identity + change
+    energies = _energies(material, change, free)
+    stresses = [ufl.diff(energy, change) * gradient.T / ufl.det(gradient) for energy in energies]
     return [*stresses, None][:2]
 
 
-def _energies(material: Any, gradient: Any, free: Any | None) -> list[Any]:
-    """The energy of the shape, and that of the volume if it is apart, per undeformed volume, from I + grad u, UFL."""
+def _energies(material: Any, change: Any, free: Any | None) -> list[Any]:
+    """The energy of the shape, and that of the volume if it is apart, per undeformed volume, from grad u, UFL."""
     expanded = 1
     if free is not None:
-        gradient, expanded = gradient / (1 + free), (1 + free) ** 3
-    energies = [material.shape_energy(gradient) * expanded]
-    return [*energies, material.volume_energy(ufl.det(gradient)) * expanded] if material.splits else energies
+        change, expanded = (change - free * ufl.Identity(3)) / (1 + free), (1 + free) ** 3
+    energies = [material.shape_energy_by_change(change) * expanded]
+    return [*energies, material.volume_energy_by_change(growth(change)) * expanded] if material.splits else energies
 
 
 def _constants(material: Any) -> tuple[float, float]:

@@ -7,7 +7,15 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from signorini_fx.mechanics.materials.nonlinear import Hyperelastic, PoissonBelowHalf
+from signorini_fx.mechanics.materials.nonlinear import (
+    Hyperelastic,
+    PoissonBelowHalf,
+    green_strain,
+    growth,
+    logarithm_beyond_line,
+    power_beyond_line,
+    strain_beyond_growth,
+)
 from signorini_fx.mechanics.statement.base import refused
 from signorini_fx.mechanics.statement.effect import Contradictions
 from signorini_fx.mechanics.statement.values import Finite, NonNegative, Positive
@@ -32,21 +40,21 @@ class NeoHooke(Hyperelastic):
     poisson: PoissonBelowHalf
     isochoric: bool = False
 
-    def shape_energy(self, gradient: Any) -> Any:
+    def shape_energy_by_change(self, change: Any) -> Any:
         import ufl
 
-        shear, first, volume = self.constants_at_rest[0], ufl.inner(gradient, gradient), ufl.det(gradient)
+        (shear, _), grown, beyond = self.constants_at_rest, growth(change), strain_beyond_growth(change)
         if self.isochoric:
-            return shear / 2 * (volume ** (-2 / 3) * first - 3)
-        return shear / 2 * (first - 3) - shear * ufl.ln(volume)
+            curved = power_beyond_line(grown, -2 / 3)
+            further = ufl.tr(green_strain(change)) * (curved - 2 / 3 * grown)
+            return shear * (beyond + 3 / 2 * curved + further)
+        return shear * (beyond - logarithm_beyond_line(grown))
 
-    def volume_energy(self, volume: Any) -> Any:
-        import ufl
-
+    def volume_energy_by_change(self, growth: Any) -> Any:
         shear, bulk = self.constants_at_rest
         if self.isochoric:
-            return bulk / 2 * (volume - 1) ** 2
-        return (bulk - 2 * shear / 3) / 2 * ufl.ln(volume) ** 2
+            return bulk / 2 * growth**2
+        return (bulk - 2 * shear / 3) / 2 * (growth + logarithm_beyond_line(growth)) ** 2
 
 
 class MooneyRivlin(Hyperelastic):
@@ -76,16 +84,19 @@ class MooneyRivlin(Hyperelastic):
     def constants_at_rest(self) -> tuple[float, float]:
         return 2 * (self.c10 + self.c01), self.bulk
 
-    def shape_energy(self, gradient: Any) -> Any:
+    def shape_energy_by_change(self, change: Any) -> Any:
+        """C has the invariants 3 + 2 tr E and 3 + 4 tr E + 4 II(E)."""
         import ufl
 
-        stretch, volume = gradient.T * gradient, ufl.det(gradient)
-        first, square = ufl.tr(stretch), ufl.inner(stretch, stretch)
-        second = (first**2 - square) / 2
-        return self.c10 * (volume ** (-2 / 3) * first - 3) + self.c01 * (volume ** (-4 / 3) * second - 3)
+        strain, grown, beyond = green_strain(change), growth(change), strain_beyond_growth(change)
+        first, second = ufl.tr(strain), (ufl.tr(strain) ** 2 - ufl.inner(strain, strain)) / 2
+        curved, steeper = power_beyond_line(grown, -2 / 3), power_beyond_line(grown, -4 / 3)
+        energy = self.c10 * (2 * beyond + 3 * curved + 2 * first * (curved - 2 / 3 * grown))
+        further = second + (first + second) * (steeper - 4 / 3 * grown)
+        return energy + self.c01 * (4 * beyond + 3 * steeper + 4 * further)
 
-    def volume_energy(self, volume: Any) -> Any:
-        return self.bulk / 2 * (volume - 1) ** 2
+    def volume_energy_by_change(self, growth: Any) -> Any:
+        return self.bulk / 2 * growth**2
 
 
 class Ogden(Hyperelastic):
@@ -132,37 +143,39 @@ class Ogden(Hyperelastic):
         if dimension == 3:
             yield ("law",), "'ogden' is not possible in 3D yet: take 'mooney-rivlin'"
 
-    def shape_energy(self, gradient: Any) -> Any:
-        """F has no shear across the mesh."""
-        import ufl
-
-        stretch, volume = gradient.T * gradient, ufl.det(gradient)
-        mean, across = (stretch[0, 0] + stretch[1, 1]) / 2, stretch[2, 2]
-        apart = ((stretch[0, 0] - stretch[1, 1]) / 2) ** 2 + stretch[0, 1] ** 2
+    def shape_energy_by_change(self, change: Any) -> Any:
+        """F has no shear across the mesh.  C has the mean 1 + m in the section."""
+        strain, grown, beyond = green_strain(change), growth(change), strain_beyond_growth(change)
+        mean, across = strain[0, 0] + strain[1, 1], 2 * strain[2, 2]
+        apart = (strain[0, 0] - strain[1, 1]) ** 2 + 4 * strain[0, 1] ** 2
         energy = 0
         for mu, alpha in self._terms:
-            in_section = 2 * mean ** (alpha / 2) * _mean_of_powers(apart / mean**2, alpha / 2)
-            energy += mu / alpha * (volume ** (-alpha / 3) * (in_section + across ** (alpha / 2)) - 3)
+            power, curved = alpha / 2, power_beyond_line(grown, -alpha / 3)
+            of_mean, of_across = (power_beyond_line(part, power) for part in (mean, across))
+            pair = 2 * (1 + power * mean + of_mean) * _beyond_mean(apart / (1 + mean) ** 2, power)
+            quadratic = 2 * of_mean + of_across + pair
+            share = power * (2 * mean + across) + quadratic
+            energy += mu / alpha * (alpha * beyond + 3 * curved + quadratic + share * (curved - alpha / 3 * grown))
         return energy
 
-    def volume_energy(self, volume: Any) -> Any:
-        return self.bulk / 2 * (volume - 1) ** 2
+    def volume_energy_by_change(self, growth: Any) -> Any:
+        return self.bulk / 2 * growth**2
 
 
-def _mean_of_powers(ratio: Any, power: float) -> Any:
-    """((1 + r)^p + (1 - r)^p)/2 with r^2 = ``ratio``, UFL: smooth in r^2, but r is not smooth where it vanishes.
+def _beyond_mean(ratio: Any, power: float) -> Any:
+    """((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL: smooth in r^2, but r is not smooth where it vanishes.
 
     There its Taylor series in r^2 takes its place, up to the fourth power, which errs by round-off.
     """
     import ufl
 
     near, far = ufl.lt(ratio, EQUAL_STRETCHES**2), ufl.conditional(ufl.lt(ratio, EQUAL_STRETCHES**2), 1, ratio)
-    series, factor = 1.0, 1.0
+    series, factor = 0, 1.0
     for k in range(1, 5):
         factor *= (power - 2 * k + 2) * (power - 2 * k + 1) / (2 * k * (2 * k - 1))
         series = series + factor * ratio**k
     root = ufl.sqrt(far)
-    return ufl.conditional(near, series, ((1 + root) ** power + (1 - root) ** power) / 2)
+    return ufl.conditional(near, series, ((1 + root) ** power + (1 - root) ** power) / 2 - 1)
 
 
 class SaintVenantKirchhoff(Hyperelastic):
@@ -185,8 +198,8 @@ class SaintVenantKirchhoff(Hyperelastic):
     young: Positive
     poisson: PoissonBelowHalf
 
-    def shape_energy(self, gradient: Any) -> Any:
+    def shape_energy_by_change(self, change: Any) -> Any:
         import ufl
 
-        (shear, bulk), strain = self.constants_at_rest, (gradient.T * gradient - ufl.Identity(3)) / 2
+        (shear, bulk), strain = self.constants_at_rest, green_strain(change)
         return shear * ufl.inner(strain, strain) + (bulk - 2 * shear / 3) / 2 * ufl.tr(strain) ** 2

@@ -20,11 +20,15 @@ which may be integrated with fewer points.  Of small strains it has a stress tha
         @property
         def constants_at_rest(self):
             return self.shear, self.bulk
+
+F = I + grad u and J = det F are known to the unit of round-off only, so that stresses at strains of 1e-10 have six
+digits.  The methods whose names end in ``by_change`` take grad u and J - 1 instead, from which stresses can be
+evaluated with all digits however small they are; unless a material has its own, they call those above.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
@@ -36,6 +40,7 @@ from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import Array, Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
+from signorini_fx.tuned import NEAR_ONE, TERMS_NEAR_ONE
 
 PoissonBelowHalf = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
 _NOT_YET = "is not possible yet with a nonlinear material"
@@ -127,7 +132,7 @@ class Hyperelastic(NonlinearMaterial):
     """An elastic material at finite strains, by its energy.
 
     Gradients F = I + grad u and stresses have the shape (3, 3), in 2D and in bodies of revolution with what is
-    across the mesh.
+    across the mesh.  A material has ``shape_energy`` or ``shape_energy_by_change``, and so on: the latter are called.
 
     Attributes:
         hypothesis, torsion, grading, density, expansion, region: see ``Material``.
@@ -142,6 +147,16 @@ class Hyperelastic(NonlinearMaterial):
     def volume_energy(self, volume: Any) -> Any:
         """The energy of the volume J = det F, UFL, a number."""
         return 0 * volume
+
+    def shape_energy_by_change(self, change: Any) -> Any:
+        """``shape_energy`` from grad u, UFL of shape (3, 3), so that its derivative keeps the digits of that."""
+        import ufl
+
+        return self.shape_energy(ufl.Identity(3) + change)
+
+    def volume_energy_by_change(self, growth: Any) -> Any:
+        """``volume_energy`` from the change of volume J - 1, UFL, a number."""
+        return self.volume_energy(1 + growth)
 
     @property
     def features(self) -> Features:
@@ -207,6 +222,52 @@ class PathDependent(NonlinearMaterial):
 
 # The deviator of a strain whose shear components are twice epsilon_ij, shape (6, 6).
 DEVIATORIC = np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]) - np.pad(np.full((3, 3), 1 / 3), (0, 3))
+
+
+def green_strain(change: Any) -> Any:
+    """(F^T F - I)/2 from grad u, UFL, shape (3, 3)."""
+    return (change + change.T + change.T * change) / 2
+
+
+def growth(change: Any) -> Any:
+    """J - 1 from grad u, UFL: the sum of its principal invariants."""
+    import ufl
+
+    return ufl.tr(change) + (ufl.tr(change) ** 2 - ufl.tr(change * change)) / 2 + ufl.det(change)
+
+
+def strain_beyond_growth(change: Any) -> Any:
+    """Tr E - (J - 1) from grad u, with Green's strain E, UFL: quadratic in small changes, without their difference."""
+    import ufl
+
+    return (ufl.inner(change, change) - ufl.tr(change) ** 2 + ufl.tr(change * change)) / 2 - ufl.det(change)
+
+
+def power_beyond_line(change: Any, power: float) -> Any:
+    """(1 + x)^p - 1 - p x, UFL, so that its derivative keeps the digits of a small x: by its series there."""
+    factors, factor = list[float](), power
+    for k in range(2, TERMS_NEAR_ONE + 1):
+        factor *= (power - k + 1) / k
+        factors.append(factor)
+    return _beyond_line(change, factors, (1 + change) ** power - 1 - power * change)
+
+
+def logarithm_beyond_line(change: Any) -> Any:
+    """ln(1 + x) - x, UFL, likewise."""
+    import ufl
+
+    factors = [(-1) ** (k + 1) / k for k in range(2, TERMS_NEAR_ONE + 1)]
+    return _beyond_line(change, factors, ufl.ln(1 + change) - change)
+
+
+def _beyond_line(change: Any, factors: Sequence[float], far: Any) -> Any:
+    """The series from the power 2 on where x is small, else ``far``, UFL."""
+    import ufl
+
+    series = factors[-1]
+    for factor in factors[-2::-1]:
+        series = factor + change * series
+    return ufl.conditional(ufl.lt(abs(change), NEAR_ONE), change**2 * series, far)
 
 
 def deviator(tensor: Array) -> Array:
