@@ -468,9 +468,9 @@ MOST_TURNED = -0.5
 # Below this relative difference of two stretches squared a series takes the place of powers of both: their difference
 # loses as many digits as the series leaves out.  Choice, from both errors.
 EQUAL_STRETCHES = 0.01
-# Below this distance from one a series takes the place of powers and logarithms less their tangents, up to this power
-# of the distance: their difference loses as many digits as the series leaves out.  Choice, from both errors.
-NEAR_ONE, TERMS_NEAR_ONE = 1e-3, 6
+# Below this distance from one a series takes the place of powers and logarithms less their tangents: their difference
+# loses as many digits as the series up to the sixth power leaves out.  Choice, from both errors.
+NEAR_ONE = 1e-3
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4
@@ -497,8 +497,6 @@ MOST_PLACES = 400
 INRADIUS_GRID = 9
 # Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
 SHAPE_MIDDLE = 0.9
-# Strain at which a material is tried before it is used.  Choice: one of rubber.
-TRIED_STRAIN = 0.2
 
 # --- judge: thresholds for results of other programs -----------------------------------------------------------------
 

@@ -40,7 +40,7 @@ from signorini_fx.mechanics.kinematics import KINDS
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import Array, Material
 from signorini_fx.mechanics.statement.effect import Contradictions, Features, Resistance
-from signorini_fx.tuned import NEAR_ONE, TERMS_NEAR_ONE
+from signorini_fx.tuned import NEAR_ONE
 
 PoissonBelowHalf = Annotated[float, Field(gt=-1, lt=0.5, allow_inf_nan=False, strict=True)]
 _NOT_YET = "is not possible yet with a nonlinear material"
@@ -243,10 +243,14 @@ def strain_beyond_growth(change: Any) -> Any:
     return (ufl.inner(change, change) - ufl.tr(change) ** 2 + ufl.tr(change * change)) / 2 - ufl.det(change)
 
 
+# Of the series that take the place of differences near one.
+_POWERS = range(2, 7)
+
+
 def power_beyond_line(change: Any, power: float) -> Any:
     """(1 + x)^p - 1 - p x, UFL, so that its derivative keeps the digits of a small x: by its series there."""
     factors, factor = list[float](), power
-    for k in range(2, TERMS_NEAR_ONE + 1):
+    for k in _POWERS:
         factor *= (power - k + 1) / k
         factors.append(factor)
     return _beyond_line(change, factors, (1 + change) ** power - 1 - power * change)
@@ -256,7 +260,7 @@ def logarithm_beyond_line(change: Any) -> Any:
     """ln(1 + x) - x, UFL, likewise."""
     import ufl
 
-    factors = [(-1) ** (k + 1) / k for k in range(2, TERMS_NEAR_ONE + 1)]
+    factors = [(-1) ** (k + 1) / k for k in _POWERS]
     return _beyond_line(change, factors, ufl.ln(1 + change) - change)
 
 
