@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +32,7 @@ class BlockRows:
         starts: where the rows of blocks begin, shape (n + 1,).
         columns: of the blocks, local numbers of nodes, those of other ranks last, shape (m,).
         blocks: shape (m, d, d).
-        scale: by which the blocks are to be multiplied.
+        diagonal: of the matrix, shape (n d,).
         names: global numbers of the nodes by their local numbers.
         multiply: the product.
         extended: a vector at the nodes of this rank and those of other ranks that columns need.
@@ -42,8 +41,8 @@ class BlockRows:
 
     starts: npt.NDArray[np.int64]
     columns: npt.NDArray[np.int32]
-    blocks: npt.NDArray[np.floating[Any]]
-    scale: float
+    blocks: Array
+    diagonal: Array
     names: npt.NDArray[np.int64]
     multiply: BlockProduct
     extended: Array
@@ -54,23 +53,6 @@ class BlockRows:
         """Of blocks, d."""
         return int(self.blocks.shape[1])
 
-    @cached_property
-    def diagonal_blocks(self) -> npt.NDArray[np.int64]:
-        """Which blocks are on the diagonal, shape (n,)."""
-        rows = np.repeat(np.arange(self.starts.size - 1, dtype=self.columns.dtype), np.diff(self.starts))
-        return np.flatnonzero(self.columns == rows)
-
-    @cached_property
-    def diagonal(self) -> Array:
-        """Shape (n d,)."""
-        return np.array(self.scale * np.diagonal(self.blocks[self.diagonal_blocks], axis1=1, axis2=2).ravel())
-
-    def set_diagonal(self, unknowns: npt.NDArray[np.int64], value: float) -> None:
-        """Change entries of the diagonal; ``unknowns``: local numbers."""
-        node, component = np.divmod(unknowns, self.size)
-        self.blocks[self.diagonal_blocks[node], component, component] = value
-        vars(self).pop("diagonal", None)
-
     def rows_at(self, unknowns: npt.NDArray[np.int64]) -> tuple[Any, Any, Any]:
         """Row starts, global columns and entries of the rows of some unknowns, local numbers."""
         node, component = np.divmod(unknowns, self.size)
@@ -79,7 +61,7 @@ class BlockRows:
         block = np.arange(ends[-1] if ends.size else 0) + np.repeat(self.starts[node] - ends + counts, counts)
         starts, row = np.concatenate(([0], self.size * ends)), np.repeat(component, counts)
         columns = self.size * self.names[self.columns[block]][:, None] + np.arange(self.size)
-        values = self.scale * self.blocks[block, row]
+        values = self.blocks[block, row]
         return starts.astype(PETSc.IntType), columns.ravel().astype(PETSc.IntType), values.ravel()
 
 
@@ -109,7 +91,7 @@ class BlockStiffness(_Context):
             rows.extended[: values.size] = values
             rows.fill()
             values = rows.extended
-        rows.multiply(rows.blocks, rows.scale, values, y.getArray())
+        rows.multiply(rows.blocks, values, y.getArray())
 
     def getDiagonal(self, matrix: PETSc.Mat, diagonal: PETSc.Vec) -> None:  # PETSc calls these so
         """The diagonal."""
@@ -136,8 +118,7 @@ class BlockStiffness(_Context):
     def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A copy as a sparse matrix; collective."""
         r = self.rows
-        blocks = r.blocks if r.scale == 1.0 else r.scale * r.blocks
-        csr = r.starts.astype(PETSc.IntType), r.names[r.columns].astype(PETSc.IntType), blocks
+        csr = r.starts.astype(PETSc.IntType), r.names[r.columns].astype(PETSc.IntType), r.blocks
         copied = PETSc.Mat().createBAIJ(matrix.getSizes(), r.size, csr=csr, comm=matrix.comm)
         return row_by_row(copied.convert(PETSc.Mat.Type.AIJ))
 

@@ -1,4 +1,4 @@
-"""Products y = s A x with matrices of small dense blocks, in C, compiled beside the forms.
+"""Products y = A x with matrices of small dense blocks, in C, compiled beside the forms.
 
 Such a product takes the time in which the entries arrive from memory.  PETSc's kernels for blocks ask for them ahead in
 a way that some processors ignore; these ask for them ``PREFETCHED_BYTES`` ahead of their use, into all caches.
@@ -56,7 +56,7 @@ def _load(folder: Path) -> Any:
 def _head(size: int) -> str:
     return (
         f"void multiply_{size}(int64_t rows, const int64_t *starts, const int32_t *columns, "
-        "const double *a, double scale, const double *x, double *y)"
+        "const double *a, const double *x, double *y)"
     )
 
 
@@ -69,7 +69,7 @@ def _function(size: int) -> str:
         f"            s{row} += " + " + ".join(f"a[{size * row + column}] * x{column}" for column in each) + ";"
         for row in each
     )
-    stored = "\n".join(f"        y[{size} * i + {row}] = scale * s{row};" for row in each)
+    stored = "\n".join(f"        y[{size} * i + {row}] = s{row};" for row in each)
     return f"""{_head(size)}
 {{
     a += {size * size} * starts[0];
@@ -103,7 +103,7 @@ class BlockProduct:
         assert array.flags.c_contiguous
         return self._cast(f"{kind} *", array.ctypes.data)
 
-    def __call__(self, blocks: npt.NDArray[np.floating[Any]], scale: float, x: Array, y: Array) -> None:
-        """Write s A x into y; ``blocks``: A, ``scale``: s, ``x``: with what columns of other ranks need."""
-        entries, *vectors = (self._address("double", values) for values in (blocks, x, y))
-        self._kernel(self._arrays[0].size - 1, *self._pattern, entries, scale, *vectors)
+    def __call__(self, blocks: Array, x: Array, y: Array) -> None:
+        """Write A x into y; ``blocks``: A, ``x``: with what columns of other ranks need."""
+        vectors = (self._address("double", values) for values in (blocks, x, y))
+        self._kernel(self._arrays[0].size - 1, *self._pattern, *vectors)

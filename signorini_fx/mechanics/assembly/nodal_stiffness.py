@@ -139,8 +139,9 @@ def block_stiffness(
     starts = np.asarray(entries.indptr[: owned + 1], dtype=np.int64)
     columns, blocks = entries.indices[: starts[-1]], entries.data.reshape(-1, size, size)[: starts[-1]]
     of_row = np.repeat(np.arange(owned, dtype=columns.dtype), np.diff(starts))
+    on_diagonal = np.flatnonzero(of_row == columns)
     if beside is not None:
-        blocks[np.flatnonzero(of_row == columns)[beside.nodes]] += beside.blocks
+        blocks[on_diagonal[beside.nodes]] += beside.blocks
     extended = la.vector(nodes, size)
     extended.array[: fixed.size] = fixed
     extended.scatter_forward()
@@ -148,16 +149,17 @@ def block_stiffness(
     some: npt.NDArray[np.bool_] = np.asarray(held.any(axis=1))
     block = np.flatnonzero(some[of_row] | some[columns])
     blocks[block] = np.where(held[of_row[block], :, None] | held[columns[block], None, :], 0.0, blocks[block])
+    node, component = np.nonzero(held[:owned])
+    largest = parallel.largest(comm, np.diagonal(blocks[on_diagonal], axis1=1, axis2=2)) or 1.0
+    blocks[on_diagonal[node], component, component] = largest
     rows = BlockRows(
         starts,
         columns,
         blocks,
-        1.0,
+        np.diagonal(blocks[on_diagonal], axis1=1, axis2=2).ravel(),
         nodes.local_to_global(np.arange(nodes.size_local + nodes.num_ghosts, dtype=np.int32)),
         kernels.BlockProduct(folder, size, starts, columns),
         extended.array,
         extended.scatter_forward if comm.size > 1 else None,
     )
-    largest = parallel.largest(comm, rows.diagonal) or 1.0
-    rows.set_diagonal(np.flatnonzero(fixed), largest)
     return block_matrix(rows, comm)
