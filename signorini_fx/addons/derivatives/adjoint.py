@@ -157,15 +157,15 @@ class Explicit:
 
     Attributes:
         values: of the quantities.
-        residual: R at the unknowns of the stiffness; None: the datum does not change it.
-        relative: B x - d, length, shape (n, d); None: the datum does not change it.
-        bound: the friction bound, stress, shape (n,); None: the datum does not change it.
+        residual: R at the unknowns of the stiffness.
+        relative: B x - d, length, shape (n, d).
+        bound: the friction bound, stress, shape (n,).
     """
 
     values: Sequence[float]
-    residual: PETSc.Vec | None = None
-    relative: Nodal | None = None
-    bound: Nodal | None = None
+    residual: PETSc.Vec
+    relative: Nodal
+    bound: Nodal
 
 
 @dataclass(frozen=True)
@@ -188,13 +188,9 @@ class Adjoint:
 
     def derivative(self, by: Explicit, direct: float) -> float:
         """dJ/dp from what depends on p explicitly, and J_p; collective."""
-        changes = np.zeros_like(self.tied)
-        if by.relative is not None:
-            changes += self.tied * by.relative
-        if by.bound is not None:
-            changes += self.untied * self.law.by_bound(by.bound)
+        changes = self.tied * by.relative + self.untied * self.law.by_bound(by.bound)
         points = parallel.global_sum(self.psi.comm.tompi4py(), np.array(self.weight @ changes.sum(axis=1)))
-        return float(direct - (0.0 if by.residual is None else self.psi.dot(by.residual)) - points)
+        return float(direct - self.psi.dot(by.residual) - points)
 
 
 class TransposedTangent:

@@ -232,8 +232,6 @@ class ChangedStep:
         driven: what drives rigid bodies; None: there are none.
         drift: how far foundations have moved in this load step, length, shape (n, d); None: they have not.
         spin: see ``SolvedStep``.
-        usual: the same at the solution, whose objects are these where the datum changes nothing; None: that is not
-            known.
     """
 
     forms: Sequence[fem.Form]
@@ -245,12 +243,6 @@ class ChangedStep:
     driven: Driven | None = None
     drift: Nodal | None = None
     spin: Nodal | None = None
-    usual: ChangedStep | None = None
-
-    def changes(self, *names: str) -> bool:
-        """Whether the datum may change one of these attributes."""
-        usual = self.usual
-        return usual is None or any(getattr(self, name) is not getattr(usual, name) for name in names)
 
 
 def explicit(
@@ -262,19 +254,11 @@ def explicit(
     """A load step with some data at the displacement and the tractions of its solution; ``previous``: the one before it
     with its data; collective.
     """
-    state, values, residual, relative, bound = solved.state, [0.0] * len(quantities), None, None, None
-    moved = data.changes("prescribed", "driven", "boundary")
-    if data.forms or moved or data.changes("forces"):
-        residual = _residual(solved, data)
-    if moved or data.changes("gap", "drift") or (previous and previous[1].changes("prescribed", "driven", "boundary")):
-        relative = _relative(solved, data, previous)
-    if data.changes("law"):
-        bound = np.zeros_like(state.pressure) if data.law is None else data.law.bound(state.pressure)
-        bound = np.where(np.isfinite(bound), bound, 0.0)
-    if moved and quantities:
-        y = solved.body.function(_displaced(solved, data, solved.body))
-        values = [quantity.value(y, data.boundary, state.pressure, state.shear) for quantity in quantities]
-    return Explicit(values, residual, relative, bound)
+    state, y = solved.state, solved.body.function(_displaced(solved, data, solved.body))
+    values = [quantity.value(y, data.boundary, state.pressure, state.shear) for quantity in quantities]
+    bound = np.zeros_like(state.pressure) if data.law is None else data.law.bound(state.pressure)
+    bound = np.where(np.isfinite(bound), bound, 0.0)
+    return Explicit(values, _residual(solved, data), _relative(solved, data, previous), bound)
 
 
 def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
@@ -331,12 +315,10 @@ def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETS
 
 def difference(high: Explicit, low: Explicit, step: float) -> Explicit:
     """The derivatives of a load step by a datum, from those where it is larger and smaller by a step."""
-    residual = None
-    if high.residual is not None and low.residual is not None:
-        residual = (high.residual - low.residual) * (0.5 / step)
+    direct = [(upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)]
+    residual = (high.residual - low.residual) * (0.5 / step)
     slopes = [
-        None if upper is None or lower is None else np.asarray((upper - lower) / (2 * step), dtype=np.float64)
+        np.asarray((upper - lower) / (2 * step), dtype=np.float64)
         for upper, lower in ((high.relative, low.relative), (high.bound, low.bound))
     ]
-    direct = [(upper - lower) / (2 * step) for upper, lower in zip(high.values, low.values, strict=True)]
     return Explicit(direct, residual, *slopes)

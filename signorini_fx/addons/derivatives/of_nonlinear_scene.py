@@ -99,7 +99,7 @@ class LinearisedStep:
 
     @cached_property
     def usual(self) -> ChangedStep:
-        """What derivatives leave out where a datum does not change it; collective."""
+        """Its data; collective."""
         problem = self.problem
         forces = problem.forces_anew(problem.statement, self.solved.displacement)
         return replace(ChangedStep(*problem.linear.data_now()), forces=forces)
@@ -152,7 +152,7 @@ class ChangedScene:
 
     def at(self, step: LinearisedStep) -> ChangedStep:
         """A load step with that number; collective."""
-        usual, y, problem = replace(step.usual, usual=step.usual), step.solved.displacement.copy(), self._problem
+        usual, y, problem = step.usual, step.solved.displacement.copy(), self._problem
         if self._touching is None:
             return replace(usual, forces=problem.forces_anew(self._statement, y))
         if self._model is not None:

@@ -144,7 +144,7 @@ class _Step:
 
     @cached_property
     def data(self) -> ChangedStep:
-        """What derivatives leave out where a datum does not change it; collective."""
+        """Its data, without forms, whose forces no datum changes at the solution; collective."""
         model = self.model
         assert model.boundary is not None
         assert model.data is not None
@@ -274,7 +274,8 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
             above, below = (_loads(changed, step.place)["forces"] for changed in prepared)
             residual.axpy(-0.5 / change, body.vector(above - below))
         residual.getArray()[body.prescribed] = 0.0
-        return Explicit([0.0] * len(quantities), residual)
+        nothing = np.zeros(step.solved.law.tied.shape)
+        return Explicit([0.0] * len(quantities), residual, nothing, nothing[:, 0])
 
     return evaluated
 
@@ -310,16 +311,13 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
         return moving
 
     def data(k: int) -> ChangedStep:
-        model, usual = steps[k].model, steps[k].data
-        step_data = replace(usual, usual=usual)
+        model, step_data = steps[k].model, steps[k].data
         if of_contact:
             step_data = replace(step_data, **contact(k))
         if changed is None:
             return step_data
         loads = _loads(changed, steps[k].place)
         moves = parallel.any_rank(model.comm, not np.array_equal(loads["prescribed"], step_data.prescribed))
-        if not moves:
-            loads["prescribed"] = step_data.prescribed
         if statement.of(Resistance):
             step_data = replace(step_data, forms=changed.forms)
         elif moves or step_data.driven is not None:
