@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra import Settings
@@ -43,14 +42,6 @@ _TURNS = 6
 _SNES = PETSc.SNES.ConvergedReason
 # (x, sets, data) of an iterate; None before the first problem.
 Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData | None]
-
-
-@lru_cache(maxsize=8)
-def _keys(rank: int, points: int) -> npt.NDArray[np.uint64]:
-    """Random numbers of each state of each point, whose sums tell sets apart, shape (6, n), read-only."""
-    keys = np.random.default_rng(rank).integers(0, 2**63, size=(6, points), dtype=np.uint64)
-    keys.flags.writeable = False
-    return keys
 
 
 class SemismoothNewton:
@@ -99,7 +90,9 @@ class SemismoothNewton:
         self._factorised_in: int | None = None
         self._outdated = False  # whether the usual preconditioner is of a matrix before the last that was factorised
         self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
-        self._keys = _keys(problem.points.comm.rank, problem.points.size)
+        # Random numbers of each state of each point, whose sums tell sets apart.
+        generator = np.random.default_rng(problem.points.comm.rank)
+        self._keys = generator.integers(0, 2**63, size=(6, problem.points.size), dtype=np.uint64)
         self.linear = self._point_count == 0
 
     @cached_property

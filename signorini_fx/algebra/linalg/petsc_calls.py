@@ -48,16 +48,6 @@ def call(name: str, *arguments: Any) -> None:
         raise PETSc.Error(code)
 
 
-def address(name: str) -> int | None:
-    """Of a C function."""
-    return ctypes.cast(getattr(_library(), name), ctypes.c_void_p).value
-
-
-def pointer(name: str) -> ctypes.c_void_p:
-    """A variable of PETSc that holds a pointer; to set its ``value`` changes it."""
-    return ctypes.c_void_p.in_dll(_library(), name)
-
-
 def memory_ended(error: BaseException) -> bool:
     """Whether an error says that there was not enough memory."""
     if isinstance(error, PETSc.Error):
@@ -84,8 +74,9 @@ def unlock(*vectors: PETSc.Vec) -> None:
 @contextmanager
 def unprinted() -> Iterator[None]:
     """Let PETSc print no errors of the packages: they come as outcomes or exceptions."""
-    printer = pointer("PetscErrorPrintf")
-    usual, printer.value = printer.value, address("PetscErrorPrintfNone")
+    printer = ctypes.c_void_p.in_dll(_library(), "PetscErrorPrintf")
+    usual = printer.value
+    printer.value = ctypes.cast(_library().PetscErrorPrintfNone, ctypes.c_void_p).value
     try:
         yield
     finally:
