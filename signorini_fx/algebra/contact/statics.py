@@ -35,13 +35,11 @@ _COLUMNS, _ROUNDS, _PATIENCE = 4, 400, 3
 class Escape:
     """How an assembly moves away because no admissible contact tractions balance its load: it ``SLIDES``, held if
     friction had no limit, ``TIPS`` about nodes that stay where they are, leaves the foundation (``OPEN``), or nothing
-    resists a motion (``NOT_HELD``); and the motion that the load drives, as coefficients of the free motions, shape
-    (k,), whose size means nothing.
+    resists a motion (``NOT_HELD``).
     """
 
     status: Status
     assembly: int
-    motion: Nodal
 
 
 def no_balance(
@@ -80,11 +78,11 @@ def no_balance(
     gaps = None if gap is None else parallel.gather_rows(motions.points.comm, gap[:, None])[:, 0]
     for number, columns in sorted(motions.assemblies, key=lambda assembly: not load[assembly[1]].any()):
         contact, work = all_reactions.of(number, columns), load[columns]
-        escaping: tuple[Status, Nodal] | None = None
         if unheld[number] or not contact.given.size:
-            escaping = Status.NOT_HELD if unheld[number] else Status.OPEN, work
-        elif work.any():
-            escaping = escape(contact, work)
+            return Escape(Status.NOT_HELD if unheld[number] else Status.OPEN, number)
+        if work.any():
+            if (escaping := escape(contact, work)) is not None:
+                return Escape(escaping[0], number)
         else:
             # A given friction acts without a pressure, and then holds the body.
             apart = (
@@ -93,11 +91,7 @@ def no_balance(
                 and not squeezed(contact, gaps[all_reactions.assembly == number])
             )
             if apart or separable(contact):
-                escaping = Status.OPEN, work
-        if escaping is not None:
-            motion = np.zeros(load.size)
-            motion[columns] = escaping[1]
-            return Escape(escaping[0], number, motion)
+                return Escape(Status.OPEN, number)
     return None
 
 
@@ -242,8 +236,13 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
     proof: tuple[Nodal, list[int]] | None = None
 
     def proves(motion: Nodal) -> bool:
-        gained = motion @ target[:-1] - most_work(contact, motion, size, unlimited=unlimited)
-        return bool(gained > NO_FORCE * np.linalg.norm(motion))
+        """Whether admissible tractions do less work than the load: those with a bound, and others as far as round-off
+        of the motion lets them, whose sum is at most ``LARGEST_BALANCING_FORCE`` times it.
+        """
+        edges, lengths, _, bounded = contact.against(motion, size)
+        most_work = LARGEST_BALANCING_FORCE * float(np.max(edges @ motion / lengths, initial=0.0))
+        most_work += 0.0 if unlimited else float(bounded @ motion)
+        return bool(motion @ target[:-1] - most_work > NO_FORCE * np.linalg.norm(motion))
 
     for _ in range(_ROUNDS):
         passive, values, residual = combination(columns, target, passive)
@@ -274,15 +273,6 @@ def nearest(contact: Reactions, load: Nodal, *, unlimited: bool = False) -> Near
         motion, passive = proof
     pressed = np.unique(pressing[passive])
     return NearestTractions(motion, pressed[pressed >= 0], balanced, unbalanced)
-
-
-def most_work(contact: Reactions, motion: Nodal, size: float, *, unlimited: bool = False) -> float:
-    """The most work that admissible tractions do on a motion, in units of ``size``: those with a bound, and others as
-    far as round-off of the motion lets them, whose sum is at most ``LARGEST_BALANCING_FORCE`` times it.
-    """
-    edges, lengths, _, bounded = contact.against(motion, size)
-    beyond = float(np.max(edges @ motion / lengths, initial=0.0))
-    return (0.0 if unlimited else float(bounded @ motion)) + LARGEST_BALANCING_FORCE * beyond
 
 
 def combination(columns: Nodal, target: Nodal, passive: list[int]) -> tuple[list[int], Nodal, Nodal]:
