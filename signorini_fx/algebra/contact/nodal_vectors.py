@@ -10,15 +10,11 @@ Nodal = npt.NDArray[np.float64]
 
 def length(vectors: Nodal) -> Nodal:
     """Euclidean length of each row, shape (n,); exact for rows of one component."""
-    if vectors.shape[1] == 1:
-        return np.asarray(np.abs(vectors[:, 0]))
     return np.asarray(np.hypot.reduce(vectors, axis=1, initial=0.0))
 
 
 def inner(a: Nodal, b: Nodal) -> Nodal:
     """Scalar product of each pair of rows, shape (n,)."""
-    if a.shape[1] == 1:
-        return np.asarray(a[:, 0] * b[:, 0])
     return np.einsum("ij,ij->i", a, b)
 
 
