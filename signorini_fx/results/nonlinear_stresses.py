@@ -248,8 +248,8 @@ class NonlinearStresses(RawStresses):
         _fill(function, self.at_points, self.plastic)
         return function
 
-    def largest_plastic_strain(self) -> Extreme | None:
-        return None if self.plastic is None else self._extreme_of_points(self.plastic, 1.0)
+    def plastic_extreme(self) -> dict[str, Any] | None:
+        return None if self.plastic is None else self._told(self._extreme_of_points(self.plastic, 1.0))
 
     def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
         """At the points of quadrature."""

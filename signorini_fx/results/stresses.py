@@ -232,15 +232,11 @@ class RawStresses(StressFields):
         """The accumulated (equivalent) plastic strain, a function of degree k - 1 in each cell; None: there is none."""
         return None
 
-    def largest_plastic_strain(self) -> Extreme | None:
-        """The largest one at the points of quadrature, and where; None: there is none; collective."""
-        return None
-
     def plastic_extreme(self) -> dict[str, Any] | None:
-        """The same with the region of its material, if there are several, JSON-safe; collective."""
-        if (largest := self.largest_plastic_strain()) is None:
-            return None
-        return {"value": largest.value, "place": [*largest.place], **self._remarks([largest], finite=True)[largest]}
+        """The largest one at the points of quadrature, where, and the region of its material, if there are several,
+        JSON-safe; None: there is none; collective.
+        """
+        return None
 
     @cached_property
     def tensor(self) -> fem.Function:
@@ -313,7 +309,11 @@ class RawStresses(StressFields):
         limit = fem.Function(fem.functionspace(model.tagged.mesh, ("DG", 0)))
         limit.x.array[:] = limits.value if isinstance(limits, fem.Constant) else limits.x.array
         largest = max((fields.utilised(limit) for fields in (self, self.recovered)), key=lambda entry: entry.value)
-        return {"value": largest.value, "place": [*largest.place], **self._remarks([largest], finite=True)[largest]}
+        return self._told(largest)
+
+    def _told(self, extreme: Extreme) -> dict[str, Any]:
+        """Value, place and remarks of an extreme, where the displacement is finite, JSON-safe; collective."""
+        return {"value": extreme.value, "place": [*extreme.place], **self._remarks([extreme], finite=True)[extreme]}
 
     def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
         """What is said of each extreme: the part of the body, if there are several, and of a linear one why there is no

@@ -72,20 +72,12 @@ class CostOfAccuracy:
 
     def __str__(self) -> str:
         """Such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0043."""
-        return f"{self.known}; {self.forecast}"
-
-    @property
-    def known(self) -> str:
-        """What was solved."""
-        return f"{100 * self.error:.2g} % error of {NAMES[self.of]} took {duration(self.seconds)}"
-
-    @property
-    def forecast(self) -> str:
-        """What would be solved."""
+        known = f"{100 * self.error:.2g} % error of {NAMES[self.of]} took {duration(self.seconds)}"
         figures = 1 if self.next_error * 5 < self.error else 2  # a digit less
         share = f"{100 * self.next_error:.{figures}g} %"
         command = f" with {self.command}" if self.command else ""
-        return f"{share}: {between(self.next_seconds)}{command}{'' if self.local else ', all cells smaller'}"
+        forecast = f"{share}: {between(self.next_seconds)}{command}{'' if self.local else ', all cells smaller'}"
+        return f"{known}; {forecast}"
 
     def as_dict(self) -> dict[str, Any]:
         """JSON-safe."""

@@ -126,7 +126,10 @@ class StressRecovery:
     def squares(self, y: fem.Function, step: float = 0) -> npt.NDArray[np.float64]:
         """Its square for each owned cell, shape (cells,); collective."""
         self._fill(y, step)
-        total = sum(self._projected(cells) for cells in self._parts)
+        total = np.zeros(1)
+        for cells in self._parts:
+            self._project(cells)
+            total = total + assemble(self._squares)
         if self._residual is not None:
             self._move_to(step)
             total = total + assemble(self._residual)
@@ -151,11 +154,6 @@ class StressRecovery:
             function.x.array[:] = given.x.array
         self._displacement.x.scatter_forward()
         self._stress.refresh(step)
-
-    def _projected(self, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-        """The estimate of the projection in one material for each owned cell."""
-        self._project(cells)
-        return assemble(self._squares)
 
     def _project(self, cells: npt.NDArray[np.int32]) -> None:
         """Project the stress in one material, to which the forms are then restricted."""
