@@ -152,25 +152,11 @@ class SolvedStep:
         return vector, np.column_stack((np.zeros(len(slips)), carried))
 
 
-@dataclass
-class Columns:
-    """Derivatives of some quantities by some data.
-
-    Attributes:
-        slopes: the derivatives, shape (quantities, data).
-        values: of the quantities, shape (quantities,).
-        between: contact points of each load step that stand between two sets.
-    """
-
-    slopes: Array
-    values: Array
-    between: list[int]
-
-
 def columns(
     count: int, step_at: Callable[[int], Any], quantities: Sequence[tuple[int, Functional]], data: Sequence[By]
-) -> Columns:
-    """The derivatives; collective.
+) -> tuple[Array, Array, list[int]]:
+    """Derivatives of some quantities by some data, shape (quantities, data), the quantities, and how many contact
+    points of each load step stand between two sets; collective.
 
     Args:
         count: of load steps.
@@ -179,7 +165,7 @@ def columns(
         quantities: each with the number of its load step.
         data: by which they are derivatives.
     """
-    totals = Columns(np.zeros((len(quantities), len(data))), np.zeros(len(quantities)), [0] * count)
+    slopes, values, between = np.zeros((len(quantities), len(data))), np.zeros(len(quantities)), [0] * count
     owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)
     for number in range(count - 1, -1, -1):
         asked = [(k, of) for k, (at, of) in enumerate(quantities) if at == number]
@@ -188,9 +174,9 @@ def columns(
         step = step_at(number)
         solved: SolvedStep = step.solved
         for k, of in asked:
-            totals.values[k] = solved.value(of)
+            values[k] = solved.value(of)
             owed[k] = solved.quantity(of)
-        totals.between[number] = solved.law.between
+        between[number] = solved.law.between
         if not data:
             continue
         tangent = TransposedTangent(solved.system, solved.law, symmetric=solved.body.symmetric)
@@ -200,9 +186,9 @@ def columns(
             direct = dict(zip([k for k, _ in asked], change.values, strict=True))
             for k, adjoint in enumerate(adjoints):
                 if adjoint is not None:
-                    totals.slopes[k, column] += adjoint.derivative(change, direct.get(k, 0.0))
+                    slopes[k, column] += adjoint.derivative(change, direct.get(k, 0.0))
         owed = [solved.handed_back(adjoint, step.earlier) for adjoint in adjoints]
-    return totals
+    return slopes, values, between
 
 
 def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:

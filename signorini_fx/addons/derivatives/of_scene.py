@@ -225,15 +225,15 @@ def _sensitivities(steps: _Steps | NonlinearSteps, of: list[str], by: Sequence[s
     entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in paths]
     quantities = [_at_step(steps.models, text) for text in of]
     data = [steps.by(path, change) for path, (_, change) in zip(paths, entries, strict=True)]
-    totals = columns(len(steps.models), steps.at, quantities, data)
+    slopes, values, between = columns(len(steps.models), steps.at, quantities, data)
     return [
         Sensitivity(
             text,
-            float(totals.values[k]),
+            float(values[k]),
             paths,
             tuple(value for value, _ in entries),
-            tuple(totals.slopes[k].tolist()),
-            sum(totals.between[: at + 1]),
+            tuple(slopes[k].tolist()),
+            sum(between[: at + 1]),
             steps.solution,
         )
         for k, (text, (at, _)) in enumerate(zip(of, quantities, strict=True))
