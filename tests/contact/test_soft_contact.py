@@ -113,4 +113,4 @@ def test_no_bound_and_no_derivative():
     scene = block(LAW)
     assert "soft contact" in solve(scene).error_bound
     with pytest.raises(SceneError, match="overclosure"):
-        sensitivity(scene, "mean top y")
+        sensitivity(scene, "mean top y", [])

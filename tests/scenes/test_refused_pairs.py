@@ -200,7 +200,7 @@ def message_of(function):
 
 
 COMPUTED = {
-    "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", comm=COMM)),
+    "derivatives": message_of(lambda scene: sensitivity(scene, "force bottom y", [], comm=COMM)),
 }
 SPACE = {
     "mesh": {"generator": "box", "parameters": {"nx": 2, "ny": 2, "nz": 2, "cell": "tetrahedron"}},

@@ -9,45 +9,13 @@ from pydantic import BaseModel
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.statement.effect import Load, Resistance, is_zero
+from signorini_fx.mechanics.statement.effect import Load, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.scenes.reading import PATH, way_of
 from signorini_fx.tuned import DIFFERENCE_STEP
 
-# Numbers of a material that are no elastic constants.
-_BESIDE = {"density", "expansion"}
 _EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
-
-
-def default_entries(statement: Statement) -> list[str]:
-    """What derivatives are taken by if nothing is named: friction and gap of each contact, the material, each load."""
-    entries = []
-    for number, effect in enumerate(statement.contact):
-        law = effect.friction
-        required = [key for key in law.parameters if type(law).model_fields[key].is_required()] if law.acts else []
-        entries += [f"contact[{number}].friction.{key}" for key in required]
-        entries.append(f"contact[{number}].gap")
-    for number, material in enumerate(statement.material):
-        entries += [f"material[{number}].{key}" for key in _constants(material)]
-    loads = [(path, effect) for path, effect in statement.listed() if isinstance(effect, Load) and effect.acts]
-    return entries + [path for path, effect in loads if not is_zero(*effect.given.values())]
-
-
-def _constants(material: Any) -> list[str]:
-    """The elastic constants of an isotropic material, as paths in its table."""
-    if not material.isotropic:
-        return []
-    if material.linear:
-        return ["young", "poisson"]
-    keys = list[str]()
-    for key, field in type(material).model_fields.items():
-        value = getattr(material, key)
-        if isinstance(value, tuple) and field.is_required():
-            keys += [f"{key}[{place}]" for place in range(len(value))]
-        elif isinstance(value, float) and (field.is_required() or key in material.model_fields_set - _BESIDE):
-            keys.append(key)
-    return keys
 
 
 def entry_of(statement: Statement, path: str, extent: float, dimension: int) -> tuple[float, float]:

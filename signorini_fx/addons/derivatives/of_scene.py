@@ -14,7 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.addons.derivatives.adjoint import Explicit
-from signorini_fx.addons.derivatives.entries import default_entries, entry_of, varied
+from signorini_fx.addons.derivatives.entries import entry_of, varied
 from signorini_fx.addons.derivatives.gradient import (
     By,
     ChangedStep,
@@ -102,7 +102,7 @@ class Sensitivity:
 
 
 def sensitivity(
-    scene: object, of: str | Sequence[str], by: Sequence[str] | None = None, comm: MPI.Comm = MPI.COMM_WORLD
+    scene: object, of: str | Sequence[str], by: Sequence[str], comm: MPI.Comm = MPI.COMM_WORLD
 ) -> Sensitivity | list[Sensitivity]:
     """Solve a scene, and differentiate results of it by its data; collective.
 
@@ -113,8 +113,7 @@ def sensitivity(
         of: the result or several: see ``functional_of``; of the last load step, or of another one with
             its number behind it, as in ``force bottom x step 2``.
         by: paths of numbers of the scene, such as ``contact[0].friction.coefficient``; of an expression a term that is
-            added to it; the path of a load itself, such as ``traction[0]``: a factor of all of it.  None: friction and
-            gap of each contact, the materials, and each load as a whole.
+            added to it; the path of a load itself, such as ``traction[0]``: a factor of all of it.
         comm: the ranks that share the work.
 
     Raises:
@@ -219,18 +218,17 @@ def _check(statement: Statement) -> None:
     refuse(statement, REFUSES)
 
 
-def _sensitivities(steps: _Steps | NonlinearSteps, of: list[str], by: Sequence[str] | None) -> list[Sensitivity]:
+def _sensitivities(steps: _Steps | NonlinearSteps, of: list[str], by: Sequence[str]) -> list[Sensitivity]:
     statement, model = steps.statement, steps.models[-1]
-    paths = tuple(default_entries(statement) if by is None else by)
-    entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in paths]
+    entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in by]
     quantities = [_at_step(steps.models, text) for text in of]
-    data = [steps.by(path, change) for path, (_, change) in zip(paths, entries, strict=True)]
+    data = [steps.by(path, change) for path, (_, change) in zip(by, entries, strict=True)]
     slopes, values, between = columns(len(steps.models), steps.at, quantities, data)
     return [
         Sensitivity(
             text,
             float(values[k]),
-            paths,
+            tuple(by),
             tuple(value for value, _ in entries),
             tuple(slopes[k].tolist()),
             sum(between[: at + 1]),
