@@ -39,7 +39,7 @@ class ContactFields:
     @classmethod
     def on(cls, space: fem.FunctionSpace) -> ContactFields:
         """Zero, for displacements in a space."""
-        mesh, degree = space.mesh, degree_of_fields(space)
+        mesh, degree = space.mesh, 1 if averaging(space) else int(space.element.basix_element.degree)
         scalar = fem.functionspace(mesh, ("Lagrange", degree))
         same_degree = degree == space.element.basix_element.degree
         vector = space if same_degree else fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
@@ -116,11 +116,6 @@ class BoundaryFields:
     shear: fem.Function
     gap: fem.Function
     slip: fem.Function
-
-
-def degree_of_fields(space: fem.FunctionSpace) -> int:
-    """The degree of contact fields, for displacements in a space."""
-    return 1 if averaging(space) else int(space.element.basix_element.degree)
 
 
 def boundary_fields(

@@ -93,21 +93,16 @@ def coulomb_newton(
     return newton.solve(replace(data, bound=law.given, follows=law), first_sets)
 
 
-def softened(start: Start, data: RegularisedData) -> RegularisedData:
-    """The first problem of augmentation, whose limit is the same for every gamma: a small one makes the problems
-    easiest.  Slip counts without the part of it in earlier load steps that is due to the regularisation.
-    """
-    slip_origin = data.slip_origin - start.elastic_slip
-    gammas = CONTINUATION_SHARE * data.gamma_n, CONTINUATION_SHARE * data.gamma_t
-    return replace(data, slip_origin=slip_origin, gamma_n=gammas[0], gamma_t=gammas[1])
-
-
 def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome) -> Outcome:
     """The last fall-back for Coulomb friction, which leaves no regularisation error, nor the elastic slip of earlier
     load steps; it begins with the multipliers of the load step before, or with the start of Coulomb friction;
     ``begun``: the outcome with the problem of the method that has failed.
     """
-    s, newton, multipliers, data = task.settings, task.newton, start.multipliers, softened(start, begun.data)
+    s, newton, multipliers = task.settings, task.newton, start.multipliers
+    # The limit is the same for every gamma: a small one makes the problems easiest.
+    gammas = CONTINUATION_SHARE * begun.data.gamma_n, CONTINUATION_SHARE * begun.data.gamma_t
+    slip_origin = begun.data.slip_origin - start.elastic_slip
+    data = replace(begun.data, slip_origin=slip_origin, gamma_n=gammas[0], gamma_t=gammas[1])
     failed = replace(begun, newton=newton, monolithic=False)
     if multipliers is None:
         status = newton.solve(coulomb_start(task, data), ActiveSets.all_in_contact(*data.mu_hat.shape))

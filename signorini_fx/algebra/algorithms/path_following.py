@@ -45,10 +45,6 @@ class PathModel:
     pressure_distance: float
     left_slip: float
 
-    def gamma_for(self, distance: float) -> float:
-        """gamma_1 at which the model is ``distance`` away from its limit."""
-        return (self.pole + self.gamma) * self.distance / distance - self.pole
-
 
 def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     """Fit the model at the solution that ``newton`` holds; two back substitutions, collective."""
@@ -126,9 +122,11 @@ def path_following(
         doubtful = model.left_slip > model.distance
         if (error <= allowed and not doubtful) or data.gamma_n >= largest:
             return Status.CONVERGED, data, error
-        # Half of the allowed error; otherwise the path would approach the goal slowly from above.
-        least = GAMMA_GROWTH * data.gamma_n if doubtful else 0.0
-        gamma = min(max(model.gamma_for(allowed / 2), least), largest) if allowed > 0 else largest
+        gamma = largest
+        if allowed > 0:
+            # Half of the allowed error; otherwise the path would approach the goal slowly from above.
+            wanted = (model.pole + model.gamma) * model.distance / (allowed / 2) - model.pole
+            gamma = min(max(wanted, GAMMA_GROWTH * data.gamma_n if doubtful else 0.0), largest)
         data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)
         first_sets, first_iteration = newton.continued_sets(data), 1
     return Status.OUTER_MAX_ITERATIONS, data, error

@@ -95,12 +95,6 @@ class ContactSurface:
         return np.asarray(across / np.linalg.norm(across, axis=2, keepdims=True))
 
     @cached_property
-    def heights(self) -> Floats:
-        """Of each piece over each of its sides, shape (pieces, k)."""
-        share = 2 if self.corners.shape[1] == 3 else 1
-        return np.asarray(share * self.area[:, None] / self.sides)
-
-    @cached_property
     def across(self) -> Ints:
         """The same side of the neighbour, as piece times k plus side; -1 at the rim; shape (pieces, k)."""
         ends = np.sort(np.stack((self.corners, np.roll(self.corners, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
@@ -150,7 +144,8 @@ class ContactSurface:
         has the same error here as there.
         """
         jumps = self.jumps(pressure)
-        kinks = self.sides * self.heights**3 * jumps**2
+        heights = (2 if self.corners.shape[1] == 3 else 1) * self.area[:, None] / self.sides
+        kinks = self.sides * heights**3 * jumps**2
         squares = KINK_SHARE / 2 * kinks.sum(axis=1)
         on_rim = (self.rim_nodes & (pressure != 0))[self.corners]
         # A pressure that is convex towards the rim may be singular there; at a plane of symmetry it is concave.
