@@ -11,7 +11,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import pydantic
 import sphinx.util.typing as sphinx_typing
 from docutils import nodes
 from docutils.utils.math import MathError
@@ -66,8 +65,6 @@ autodoc_typehints_description_target = "documented_params"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
 napoleon_use_ivar = True
-# Without mpi4py the arguments of a generator cannot be validated.
-pydantic.validate_call = lambda **_: lambda function: function
 # Pygments does not know gmsh's language.
 suppress_warnings = ["misc.highlighting_failure"]
 nitpick_ignore_regex = [(r"py:.*", r".*")]  # names of other packages in docstrings

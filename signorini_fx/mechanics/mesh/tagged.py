@@ -265,11 +265,11 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, size
     """
     from signorini_fx.mechanics.mesh.files.size_field import SizeField
 
-    generate = _generator(name, parameters)
+    generate, values = _generator(name, parameters)
     in_rows = not getattr(generate, "sized", False)
     reset = _LOCAL_SIZES.set(() if in_rows else sizes)
     try:
-        tagged = generate(comm, **parameters)
+        tagged = generate(comm, **values)
     finally:
         _LOCAL_SIZES.reset(reset)
     if not isinstance(tagged, TaggedMesh):
@@ -290,7 +290,7 @@ def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) 
     Raises:
         SceneError: the generator does not say how.
     """
-    coarser = getattr(_generator(name, parameters), "coarser", None)
+    coarser = getattr(_generator(name, parameters)[0], "coarser", None)
     if coarser is None:
         raise SceneError([("solver.levels", f"the generator {name!r} makes no coarser meshes: use levels = 1")])
     result: dict[str, Any] = coarser(parameters, factor)
@@ -299,18 +299,18 @@ def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) 
 
 def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
     """Those with which the generator ``name`` makes triangles or tetrahedra that can be divided; None: it cannot."""
-    cell = getattr(_generator(name, parameters), "simplices", None)
+    cell = getattr(_generator(name, parameters)[0], "simplices", None)
     return None if cell is None else {**parameters, "cell": cell}
 
 
 def has_local_sizes(name: str, parameters: Mapping[str, Any]) -> bool:
     """Whether the generator ``name`` makes cells of several lengths, so that it may make cells of any."""
-    return bool(getattr(_generator(name, parameters), "sized", False))
+    return bool(getattr(_generator(name, parameters)[0], "sized", False))
 
 
 def cells_of_generator(name: str, parameters: Mapping[str, Any]) -> tuple[str, ...]:
     """The kinds of cells that the generator ``name`` can make, its own choice first; none if no parameter says so."""
-    generate = _generator(name, parameters)
+    generate, _ = _generator(name, parameters)
     accepted = inspect.signature(generate).parameters
     own = parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
     return () if own is None else (own, *(cell for cell in get_args(_types(generate)["cell"]) if cell != own))
@@ -318,7 +318,7 @@ def cells_of_generator(name: str, parameters: Mapping[str, Any]) -> tuple[str, .
 
 def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
     """Those with which the generator ``name`` makes cells of degree 2 on its arcs; None: it has no arcs."""
-    accepted = inspect.signature(_generator(name, parameters)).parameters
+    accepted = inspect.signature(_generator(name, parameters)[0]).parameters
     return {**parameters, "order": 2} if "order" in accepted else None
 
 
@@ -463,8 +463,8 @@ def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> Ints:
     return numbers.reshape(rows.shape)
 
 
-def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
-    """The generator of this name, which takes these parameters."""
+def _generator(name: str, parameters: Mapping[str, Any]) -> tuple[Callable[..., Any], dict[str, Any]]:
+    """The generator of this name, and the parameters as its annotations have them."""
     from signorini_fx.mechanics.statement.base import plain_message
     from signorini_fx.mechanics.statement.generators import known_generators
     from signorini_fx.removed import removal
@@ -482,6 +482,7 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
         message = f"{name!r} cannot be imported: {type(error).__name__}: {error}"
         raise SceneError([("mesh.generator", message)]) from error
     names = [key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY]
+    values: dict[str, Any] = {}
     problems: list[tuple[str, str]] = []
     for key, value in parameters.items():
         path = f"mesh.parameters.{key}"
@@ -489,18 +490,18 @@ def _generator(name: str, parameters: Mapping[str, Any]) -> Callable[..., Any]:
             problems.append((path, f"unknown key; there are: {', '.join(names)}"))
             continue
         try:
-            _adapter(generate, key).validate_python(value)
+            values[key] = _adapter(generate, key).validate_python(value)
         except ValidationError as error:
             problems += [(path, plain_message(detail)) for detail in error.errors()]
     if problems:
         raise SceneError(problems)
-    return generate
+    return generate, values
 
 
 @cache
 def _types(generate: Callable[..., Any]) -> dict[str, Any]:
     """The annotations of a generator."""
-    return get_type_hints(inspect.unwrap(generate), include_extras=True)
+    return get_type_hints(generate, include_extras=True)
 
 
 @cache

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
 
-from pydantic import AfterValidator, ConfigDict, validate_call
+from pydantic import AfterValidator
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
@@ -54,11 +54,6 @@ def _of_this_package(name: str) -> Any:
     return import_module(f"{GENERATORS_PACKAGE}.{name}").generate
 
 
-# Made here, because pydantic keeps the frame that makes it where that is one of a function: if a solve imports a
-# generator, that frame keeps the solve with its meshes.
-_validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True))
-
-
 def generator(
     *,
     counts: Sequence[str] = (),
@@ -66,7 +61,7 @@ def generator(
     least: Mapping[str, int] | None = None,
     simplices: str | None = None,
 ) -> Callable[[Generate], Generate]:
-    """Check the arguments of a generator by their annotations, and say how its mesh depends on its parameters.
+    """Say how the mesh of a generator depends on its parameters.
 
     Without this decorator a generator makes its meshes all the same, but none for a nested iteration and none that is
     refined adaptively.
@@ -79,7 +74,7 @@ def generator(
     """
 
     def decorate(generate: Generate) -> Generate:
-        checked: Any = _validated(generate)
+        described: Any = generate
         defaults = {name: parameter.default for name, parameter in inspect.signature(generate).parameters.items()}
 
         def coarser(parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
@@ -88,10 +83,10 @@ def generator(
             fewer = {name: max((least or {}).get(name, 1), round(all_parameters[name] / factor)) for name in counts}
             return {**parameters, **fewer, **{name: factor * all_parameters[name] for name in sizes}}
 
-        checked.coarser = coarser if counts or sizes else None
-        checked.simplices = simplices
-        checked.sized = bool(sizes)
-        return cast(Generate, checked)
+        described.coarser = coarser if counts or sizes else None
+        described.simplices = simplices
+        described.sized = bool(sizes)
+        return generate
 
     return decorate
 
