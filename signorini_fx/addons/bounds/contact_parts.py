@@ -14,7 +14,7 @@ from math import factorial
 import numpy as np
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, Simplices, closest_linear
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, Simplices, closest_linear, with_hats
 from signorini_fx.tuned import NOTHING_LEFT, ROOT_OF_EPS, SAME_LENGTH
 
 _EPS = float(np.finfo(float).eps)
@@ -150,9 +150,9 @@ class ContactParts:
             area: of all facets, shape (n,).
         """
         areas = area[self.facets[side]]
-        closest = closest_linear(self.moments(_with_hats(traction, self.area), side) / areas[:, None, None])
-        squares, kept_squares = np.zeros(len(areas)), np.einsum("fai,fai->f", _with_hats(closest, areas), closest)
-        np.add.at(squares, self.row[side], np.einsum("mki,mki->m", _with_hats(traction, self.area), traction))
+        closest = closest_linear(self.moments(with_hats(traction, self.area), side) / areas[:, None, None])
+        squares, kept_squares = np.zeros(len(areas)), np.einsum("fai,fai->f", with_hats(closest, areas), closest)
+        np.add.at(squares, self.row[side], np.einsum("mki,mki->m", with_hats(traction, self.area), traction))
         share = np.divide(squares - kept_squares, squares, out=np.zeros_like(squares), where=squares > 0)
         return closest, share
 
@@ -183,19 +183,13 @@ class ContactParts:
         values = _barycentric(at[first], corners) @ traction[part]
         local = _barycentric(flat[piece], corners)
         integrals, squares = np.zeros((len(rows), count, d, d)), np.zeros(len(rows))
-        hats = _with_hats(values, area)
+        hats = with_hats(values, area)
         np.add.at(integrals, (owner, piece), local.transpose(0, 2, 1) @ hats)
         np.add.at(squares, owner, np.einsum("mki,mki->m", hats, values))
         mean = integrals / (areas / count)[:, None, None, None]
         closest = closest_linear(mean.reshape(-1, d, d)).reshape(mean.shape)
         missed = squares - np.einsum("npai,npai->n", integrals, closest)
         return closest, missed.clip(min=0.0) + 64 * _EPS * squares
-
-
-def _with_hats(values: Array, area: Array) -> Array:
-    """Integrals over parts of linear functions, given at the vertices, times the hat functions, (m, d, ...)."""
-    count, shape = values.shape[1], (-1, *[1] * (values.ndim - 1))
-    return np.asarray(area.reshape(shape) / (count * (count + 1)) * (values + values.sum(axis=1, keepdims=True)))
 
 
 def _shared(first: Array, second: Array) -> tuple[Array, Ints]:

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.linear_displacement import free_basis, free_motions, solved
-from signorini_fx.addons.bounds.simplices import Array, Ints, Simplices, closest_linear, moments_of, pieces_of_cells
+from signorini_fx.addons.bounds.simplices import Array, Ints, Simplices, closest_linear, pieces_of_cells, with_hats
 
 _EPS = float(np.finfo(float).eps)
 
@@ -47,7 +47,7 @@ def equilibrated(t: Simplices, held: Array, body: Array, traction: Array, prescr
         prescribed: the displacement at the vertices of held facets, as a linear function, length, shape (f, d, d).
     """
     local, d = LocalStress(t), t.dimension
-    moments = _moments(t, local, held, local.alone(body), moments_of(t, traction), prescribed)
+    moments = _moments(t, local, held, local.alone(body), with_hats(traction, t.area), prescribed)
     # The means of both sides, where tractions are given of these.
     signed = (t.sign[:, :, None, None] * moments).reshape(-1, d)
     summed = np.column_stack([np.bincount(local.places.ravel(), signed[:, k], t.facets.size) for k in range(d)])

@@ -38,7 +38,7 @@ from signorini_fx.addons.bounds.liftings import Liftings, finest, lifted_forces
 from signorini_fx.addons.bounds.linear_displacement import free_motions, of_each_piece
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.scene_arrays import Rows, of_rank, on_first_rank
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, moments_of
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, with_hats
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -247,7 +247,7 @@ class Bounded(PlainProblem):
         if not self.contacts:
             raise Refused("the body is not held")
         loads = np.einsum("ncd,ncdk->k", self.body_moments, modes[t.corners])
-        loads = loads + np.einsum("fad,fadk->k", self.traction, moments_of(t, modes[t.facets]))
+        loads = loads + np.einsum("fad,fadk->k", self.traction, with_hats(modes[t.facets], t.area))
         contacts = []
         for surface in self.contacts:
             parts = surface.parts

@@ -15,7 +15,17 @@ from math import factorial
 
 import numpy as np
 
-from signorini_fx.addons.bounds.simplices import COLUMNS, FACETS, ROWS, TWICE, Array, Ints, Simplices
+from signorini_fx.addons.bounds.simplices import (
+    COLUMNS,
+    CORNERS_OF_PARTS,
+    FACETS,
+    ROWS,
+    TWICE,
+    Array,
+    Ints,
+    Simplices,
+    motions_of,
+)
 
 # Numbers in the stresses of the cells whose matrices are made at the same time.
 _CHUNK = 3_500_000
@@ -147,13 +157,27 @@ def turn_of(f: Array) -> Array:
 def _resultants(arm: Array) -> Array:
     """Force, and couple by the arms, of forces at q points, shape (n, 3 or 6, d q)."""
     n, q, d = arm.shape
-    turns = list(combinations(range(d), 2))
-    resultants = np.zeros((n, d + len(turns), q, d))
-    for k in range(d):
-        resultants[:, k, :, k] = 1.0
-    for row, (i, j) in enumerate(turns, start=d):
-        resultants[:, row, :, i], resultants[:, row, :, j] = -arm[..., j], arm[..., i]
-    return resultants.reshape(n, -1, q * d)
+    return motions_of(arm).transpose(0, 3, 1, 2).reshape(n, -1, q * d)
+
+
+def slopes_of_parts(d: int) -> Array:
+    """Gradients of the barycentric coordinates of each part of the reference cell: of the corners of its facet, and of
+    the centroid, shape (d + 1, d + 1, d).
+    """
+    corners = CORNERS_OF_PARTS[d][..., 1:]  # those of the reference cell are 0 and the unit vectors
+    slopes = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    return np.concatenate((-slopes.sum(axis=1, keepdims=True), slopes), axis=1)
+
+
+def tensor_times(vector: Array) -> Array:
+    """From the components of a symmetric tensor to its product with a vector, shape (d, 3 or 6)."""
+    d = len(vector)
+    rows = np.zeros((d, len(ROWS[d])))
+    for k, (i, j) in enumerate(zip(ROWS[d], COLUMNS[d], strict=True)):
+        rows[i, k] += vector[j]
+        if i != j:
+            rows[j, k] += vector[i]
+    return rows
 
 
 @cache
@@ -165,21 +189,11 @@ def reference(d: int) -> tuple[Array, Array]:
     The conditions determine the stress; they are compatible if the cell is in equilibrium.
     """
     facets, count, components = FACETS[d], d + 1, len(ROWS[d])
-    x = np.concatenate((np.zeros((1, d)), np.eye(d)))
-    centre = x.mean(axis=0)
-    # Of the barycentric coordinates of each part: of the corners of its facet, and of the centroid.
-    gradients = np.zeros((count, count, d))
-    for i in range(count):
-        p = np.concatenate((x[facets[i]], centre[None]))
-        g = np.linalg.inv((p[1:] - p[0]).T)
-        gradients[i] = np.concatenate((-g.sum(axis=0, keepdims=True), g))
+    gradients = slopes_of_parts(d)
 
     def traction(part: int, corner: int, normal: Array) -> Array:
         row = np.zeros((d, count, count, components))
-        for k, (i, j) in enumerate(zip(ROWS[d], COLUMNS[d], strict=True)):
-            row[i, part, corner, k] += normal[j]
-            if i != j:
-                row[j, part, corner, k] += normal[i]
+        row[:, part, corner] = tensor_times(normal)
         return row.reshape(d, -1)
 
     rows, data = [], []

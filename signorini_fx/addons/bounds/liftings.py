@@ -34,9 +34,14 @@ from math import factorial, prod
 
 import numpy as np
 
-from signorini_fx.addons.bounds.johnson_mercier import LocalStress, forces_of_parts, turn_of
+from signorini_fx.addons.bounds.johnson_mercier import (
+    LocalStress,
+    forces_of_parts,
+    slopes_of_parts,
+    tensor_times,
+    turn_of,
+)
 from signorini_fx.addons.bounds.simplices import (
-    COLUMNS,
     CORNERS_OF_PARTS,
     EDGES,
     FACETS,
@@ -46,6 +51,7 @@ from signorini_fx.addons.bounds.simplices import (
     Ints,
     Moduli,
     Simplices,
+    motions_of,
 )
 from signorini_fx.tuned import ROUNDED_FORMS
 
@@ -102,7 +108,7 @@ def divided_facet(d: int, m: int) -> DividedFacet:
 
 
 def _mass(d: int) -> Array:
-    """Mean values of the products of the hat functions of a facet."""
+    """Mean values of the products of the d hat functions of a simplex."""
     return (np.ones((d, d)) + np.eye(d)) / (d * (d + 1))
 
 
@@ -233,12 +239,7 @@ def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
         rows = (q * number + d * order[:, None] + np.arange(d)).ravel()
         moments[rows, q * part : q * (part + 1)] = np.kron(mass, np.eye(d))
     away = x[:, facets].reshape(n, -1, d) - x.mean(axis=1)[:, None]
-    turns = list(combinations(range(d), 2))
-    rigid = np.zeros((n, d * count, d, d + len(turns)))
-    rigid[:, :, range(d), range(d)] = 1.0
-    for row, (i, j) in enumerate(turns, start=d):
-        rigid[:, :, i, row], rigid[:, :, j, row] = -away[..., j], away[..., i]
-    modes = np.linalg.qr(rigid.reshape(n, q * count, -1))[0]
+    modes = np.linalg.qr(motions_of(away).reshape(n, q * count, -1))[0]
     scale = np.einsum("nii->n", system) / (q * count)
     full = system + scale[:, None, None] * (modes @ modes.transpose(0, 2, 1))
     solved = np.linalg.solve(full, np.broadcast_to(moments, (n, *moments.shape)))
@@ -256,10 +257,7 @@ def reference_liftings(d: int) -> tuple[Array, Array]:
     """
     count, components = d + 1, len(ROWS[d])
     nodes = [*combinations(range(count), 1), *combinations(range(count), 2)]
-    corners = CORNERS_OF_PARTS[d][..., 1:]  # in 3D, as those of the reference cell are 0 and the unit vectors
-    steps = corners[:, 1:] - corners[:, :1]
-    slopes = np.linalg.inv(steps.transpose(0, 2, 1))
-    slopes = np.concatenate((-slopes.sum(axis=1, keepdims=True), slopes), axis=1)
+    slopes = slopes_of_parts(d)
     # Vertices of the parts: those of the cell, and its centroid with the number d + 1.
     numbers = [[*map(int, facet), count] for facet in FACETS[d]]
     sides: dict[tuple[int, ...], list[int]] = {}
@@ -274,32 +272,21 @@ def reference_liftings(d: int) -> tuple[Array, Array]:
             row = np.zeros((d, count, len(nodes), components))
             for sign, part in zip((1, -1), beside, strict=False):
                 local = tuple(sorted(numbers[part].index(vertex) for vertex in node))
-                row[:, part, nodes.index(local)] = sign * _times(normal)
+                row[:, part, nodes.index(local)] = sign * tensor_times(normal)
             rows.append(row.reshape(d, -1))
     for part in range(count):
         for corner in range(count):
             row = np.zeros((d, count, len(nodes), components))
             gradients = _slopes_at(corner, d) @ slopes[part]
-            row[:, part] = np.stack([_times(gradient) for gradient in gradients], axis=1)
+            row[:, part] = np.stack([tensor_times(gradient) for gradient in gradients], axis=1)
             rows.append(row.reshape(d, -1))
-    moments = (np.ones((count, count)) + np.eye(count)) / (count * (count + 1))
+    moments = _mass(count)
     beside_constants = CORNERS_OF_PARTS[d] - (forces_of_parts(d) @ moments)[:, None]
     forces = np.einsum("pcj,ai->pcaij", beside_constants[..., 1:], np.eye(d)).reshape(-1, d * d)
     matrix = np.concatenate(rows)
     right = np.concatenate((np.zeros((len(matrix) - len(forces), d * d)), -forces))
     liftings = np.linalg.pinv(matrix) @ right
     return liftings.T.reshape(d * d, count, len(nodes), components), np.abs(matrix @ liftings - right).max()
-
-
-def _times(vector: Array) -> Array:
-    """From the components of a symmetric tensor to its product with a vector, shape (d, 3 or 6)."""
-    d = len(vector)
-    rows = np.zeros((d, len(ROWS[d])))
-    for k, (i, j) in enumerate(zip(ROWS[d], COLUMNS[d], strict=True)):
-        rows[i, k] += vector[j]
-        if i != j:
-            rows[j, k] += vector[i]
-    return rows
 
 
 def _slopes_at(corner: int, d: int) -> Array:

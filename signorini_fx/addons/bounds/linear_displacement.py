@@ -8,7 +8,6 @@ it has its own free motions, its own balance of forces and its own bound.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,7 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Array, Ints, Simplices
+from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Array, Ints, Simplices, motions_of
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.factorisation import FACTOR_DEFAULTS, use_factorisation
 from signorini_fx.tuned import NOTHING_LEFT, ZERO_IN_SOLUTION
@@ -129,14 +128,8 @@ def rigid_motions(x: Array) -> Array:
     Args:
         x: positions, length, shape (v, d).
     """
-    d, arm = x.shape[1], x - x.mean(axis=0)
-    arm = arm / np.abs(arm).max()
-    axes = list(combinations(range(d), 2))
-    modes = np.zeros((len(x), d, d + len(axes)))
-    modes[:, :, :d] = np.eye(d)
-    for turn, (i, j) in enumerate(axes, start=d):
-        modes[:, i, turn], modes[:, j, turn] = -arm[:, j], arm[:, i]
-    return modes
+    arm = x - x.mean(axis=0)
+    return motions_of(arm / np.abs(arm).max())
 
 
 def free_motions(t: Simplices, held: Array) -> Array:

@@ -20,7 +20,7 @@ from signorini_fx.addons.bounds.simplices import (
     Moduli,
     Simplices,
     divide,
-    moments_of,
+    with_hats,
 )
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
@@ -75,9 +75,8 @@ class FacetsInContact:
             motions: linear displacements at the vertices of the parts, relative to the other side, length, shape
                 (m, d, d, k).
         """
-        d, parts = motions.shape[1], self.parts
-        unit = parts.area[:, None, None, None] / (d * (d + 1))
-        moments = unit * (motions + motions.sum(axis=1, keepdims=True))
+        parts = self.parts
+        moments = with_hats(motions, parts.area)
         normal = -np.einsum("fadk,fd->fak", moments, parts.normal)
         across = -(moments + np.einsum("fak,fd->fadk", normal, parts.normal))
         return parts.moments(normal), parts.moments(across)
@@ -138,12 +137,12 @@ class PlainProblem:
     @property
     def body_moments(self) -> Array:
         """Integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d)."""
-        return _moments(self.t, self.body)
+        return with_hats(self.body, self.t.volume)
 
     def work(self, y: Array) -> float:
         """Of the loads on a displacement that is linear on the cells, at the vertices, shape (v, d), an energy."""
         t = self.t
-        on_facets = np.einsum("fad,fad->", moments_of(t, self.traction), y[t.facets])
+        on_facets = np.einsum("fad,fad->", with_hats(self.traction, t.area), y[t.facets])
         return float(on_facets + np.einsum("ncd,ncd->", self.body_moments, y[t.corners]))
 
     def on_facets(self, y: Array, middle: Array, facets: Ints) -> Array:
@@ -301,9 +300,3 @@ def _moduli(rows: Rows, d: int) -> Moduli:
         return Moduli.isotropic(rows["lame"], rows["mu"], d)
     stiffness = rows["stiffness"]
     return Moduli(stiffness * TWICE[d], np.linalg.inv(stiffness) / TWICE[d][:, None])
-
-
-def _moments(t: Simplices, values: Array) -> Array:
-    """Integrals over the cells of linear functions, given at corners, times the barycentric coordinates."""
-    d = t.dimension
-    return np.asarray(t.volume[:, None, None] / ((d + 1) * (d + 2)) * (values + values.sum(axis=1, keepdims=True)))

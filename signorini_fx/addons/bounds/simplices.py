@@ -253,11 +253,23 @@ def _times(matrix: Array, components: Array) -> Array:
     return np.asarray((components.reshape(count, -1, m) @ matrix.swapaxes(1, 2)).reshape(components.shape))
 
 
-def moments_of(t: Simplices, traction: Array) -> Array:
-    """Integrals of linear tractions on facets, shape (f, d, ...), times the hat functions of their vertices."""
-    shape = (-1, *[1] * (traction.ndim - 1))
-    unit = t.area.reshape(shape) / (t.dimension * (t.dimension + 1))
-    return np.asarray(unit * (traction + traction.sum(axis=1, keepdims=True)))
+def with_hats(values: Array, measure: Array) -> Array:
+    """Integrals over simplices of a measure of linear functions, given at their k corners, times the hat functions of
+    these, shapes (m, k, ...) and (m,) to (m, k, ...).
+    """
+    count, shape = values.shape[1], (-1, *[1] * (values.ndim - 1))
+    return np.asarray(measure.reshape(shape) / (count * (count + 1)) * (values + values.sum(axis=1, keepdims=True)))
+
+
+def motions_of(arm: Array) -> Array:
+    """Translations and rotations at places of some arms, shape (..., d) to (..., d, 3 or 6)."""
+    d = arm.shape[-1]
+    turns = list(combinations(range(d), 2))
+    modes = np.zeros((*arm.shape, d + len(turns)))
+    modes[..., :d] = np.eye(d)
+    for turn, (i, j) in enumerate(turns, start=d):
+        modes[..., i, turn], modes[..., j, turn] = -arm[..., j], arm[..., i]
+    return modes
 
 
 def closest_linear(moments: Array) -> Array:
