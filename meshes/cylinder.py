@@ -76,14 +76,8 @@ def generate(
         spokes = [geo.addLine(inner[k], outer[k]) for k in range(4)]
         loops = [core] + [[spokes[k], arcs[k], -spokes[after[k]], -core[k]] for k in range(4)]
         sections = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
-        for lines, count in ((core + arcs, nt), (spokes, nr)):
-            for line in lines:
-                geo.mesh.setTransfiniteCurve(line, count + 1)
-        for section in sections:
-            geo.mesh.setTransfiniteSurface(section)
-        mesh_extruded(
-            drawing, sections, {"side": arcs}, (0.0, 0.0, height), nz, ("bottom", "top"), cell=cell, order=order
-        )
+        counts, up = ((core + arcs, nt), (spokes, nr)), (0.0, 0.0, height)
+        mesh_extruded(drawing, sections, counts, {"side": arcs}, up, nz, ("bottom", "top"), cell=cell, order=order)
 
     refuse_too_large(comm, nt * (nt + 4 * nr) * nz * (6 if cell == "tetrahedron" else 1))
     return gmsh_mesh(comm, draw, name="cylinder", unit=unit)

@@ -74,13 +74,9 @@ def generate(
         spokes = [geo.addLine(a, b) for a, b in zip(*rims, strict=True)]
         loops = [[spokes[k], outer[k], -spokes[after[k]], -inner[k]] for k in range(4)]
         sections = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
-        for lines, count in ((inner + outer, nt), (spokes, nr)):
-            for line in lines:
-                geo.mesh.setTransfiniteCurve(line, count + 1)
-        for section in sections:
-            geo.mesh.setTransfiniteSurface(section)
-        names = {"inner": inner, "outer": outer}
-        mesh_extruded(drawing, sections, names, (0.0, 0.0, height), nz, ("bottom", "top"), cell=cell, order=order)
+        counts, names = ((inner + outer, nt), (spokes, nr)), {"inner": inner, "outer": outer}
+        up = (0.0, 0.0, height)
+        mesh_extruded(drawing, sections, counts, names, up, nz, ("bottom", "top"), cell=cell, order=order)
 
     refuse_too_large(comm, 4 * nt * nr * nz * (6 if cell == "tetrahedron" else 1))
     return gmsh_mesh(comm, draw, name="ring", unit=unit)

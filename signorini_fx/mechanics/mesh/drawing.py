@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import MeshError
+from signorini_fx.mechanics.mesh.files.gmsh_reader import inverted
 from signorini_fx.mechanics.statement.generators import refuse
 from signorini_fx.tuned import DIGITS_OF_FILES
 
@@ -186,6 +187,7 @@ def mesh_solid(
 def mesh_extruded(
     drawing: Drawing,
     sections: Sequence[int],
+    counts: Iterable[tuple[Sequence[int], int]],
     sides: Mapping[str, Sequence[int]],
     along: tuple[float, float, float],
     layers: int,
@@ -197,8 +199,9 @@ def mesh_extruded(
     """Mesh the extrusion of plane sections in layers, and name its surfaces.
 
     Args:
-        drawing: the model, not yet synchronised, with transfinite sections.
-        sections: plane surfaces.
+        drawing: the model, not yet synchronised.
+        sections: plane surfaces, each between three or four curves.
+        counts: curves of the sections, and how many cells there are along each of them.
         sides: name -> curves of the sections; the surfaces that they sweep have it.
         along: the vector of the extrusion, in units of the scene.
         layers: cells along it.
@@ -207,8 +210,12 @@ def mesh_extruded(
         order: degree of the geometry.
     """
     gmsh, geo = drawing.gmsh, drawing.gmsh.model.geo
-    if cell == "hexahedron":
-        for section in sections:
+    for curves, count in counts:
+        for curve in curves:
+            geo.mesh.setTransfiniteCurve(curve, count + 1)
+    for section in sections:
+        geo.mesh.setTransfiniteSurface(section)
+        if cell == "hexahedron":
             geo.mesh.setRecombine(2, section)
     vector = [value / drawing.unit for value in along]
     extruded = geo.extrude([(2, section) for section in sections], *vector, [layers], recombine=cell == "hexahedron")
@@ -236,11 +243,9 @@ def set_order(gmsh: Any, order: int) -> None:
     Raises:
         MeshError: the cells are too large for the arcs.
     """
-    mesh = gmsh.model.mesh
-    mesh.setOrder(order)
+    gmsh.model.mesh.setOrder(order)
     # gmsh could move the nodes, but ends the whole process if it finds no place for them.
-    cells = [mesh.getElementsByType(kind)[0] for kind in mesh.getElementTypes(3)]
-    if not all((mesh.getElementQualities(tags, "minDetJac") > 0).all() for tags in cells):
+    if inverted(gmsh):
         raise MeshError("cells that follow the arcs would be turned inside out: use more of them, or order = 1")
 
 

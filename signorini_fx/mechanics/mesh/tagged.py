@@ -556,7 +556,7 @@ def _drawn(gmsh: Any, top: int, sizes: Sizes, name: str, unit: float) -> MeshArr
     from signorini_fx.mechanics.mesh.drawing import set_order
     from signorini_fx.mechanics.mesh.files.arrays import from_raw
     from signorini_fx.mechanics.mesh.files.gmsh_reader import content
-    from signorini_fx.mechanics.mesh.files.size_field import SizeField, with_sizes
+    from signorini_fx.mechanics.mesh.files.size_field import with_sizes
     from signorini_fx.mechanics.mesh.halving import straightened
 
     def current() -> MeshArrays:
@@ -565,17 +565,16 @@ def _drawn(gmsh: Any, top: int, sizes: Sizes, name: str, unit: float) -> MeshArr
 
     first = current()
 
-    def meshed(degree: int) -> MeshArrays:
-        if not len(gmsh.model.mesh.getNodes()[0]):
-            gmsh.model.mesh.generate(top)
-            if degree > 1:
-                set_order(gmsh, degree)
+    def finished() -> MeshArrays:
+        if len(gmsh.model.mesh.getNodes()[0]):  # it is as it was drawn
+            return first
+        gmsh.model.mesh.generate(top)
+        if first.degree > 1:
+            set_order(gmsh, first.degree)
         return current()
 
     cure = f"the cells of {name} are in rows; make them smaller by its parameters, or draw the body in a .geo"
-    if not isinstance(sizes, SizeField) and not sizes:
-        return first
-    return with_sizes(gmsh, lambda: straightened(meshed(1)), lambda: meshed(first.degree), sizes, cure, unit)
+    return with_sizes(gmsh, lambda: straightened(first), finished, sizes, cure, unit)
 
 
 def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, ...]]:

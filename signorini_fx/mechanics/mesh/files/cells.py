@@ -230,13 +230,6 @@ def _jacobian(points: Floats, nodes: Ints, cell: Cell, x: Floats) -> Floats:
     return np.asarray(np.einsum("jqk,mkd->mqdj", cell.gradient(x), points[nodes], optimize=True))
 
 
-def _determinants(matrices: Floats) -> Floats:
-    """Of many matrices; NumPy takes ten times as long for small ones."""
-    if matrices.shape[-1] != 2:
-        return np.asarray(np.linalg.det(matrices))
-    return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0])
-
-
 def is_straight(points: Floats, cells: Ints, cell: Cell) -> bool:
     """Whether all nodes between corners are where those of straight cells would be."""
     limit = SAME_LENGTH * float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -268,7 +261,7 @@ def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
     """Which cells are flat at a corner, and which are inverted between two of their nodes."""
     x = np.array([np.mean([cell.corners[c] for c in corners], axis=0) for corners in cell.nodes])
     jacobian = _jacobian(points, cells, cell, x)
-    size = _determinants(jacobian)
+    size = np.linalg.det(jacobian)
     spanned = np.sqrt(np.einsum("mqdj,mqdj->mqj", jacobian, jacobian).prod(axis=2))
     flat = np.any((np.abs(size) <= SAME_NUMBER * spanned)[:, : len(cell.corners)], axis=1)
     return flat, np.logical_and(size.min(axis=1) < 0, size.max(axis=1) > 0)

@@ -270,15 +270,13 @@ def _mesh(gmsh: Any, halvings: int, degree: int | None) -> None:
         gmsh.model.mesh.refine()
     if degree:
         gmsh.model.mesh.setOrder(degree)
-    if top == 3:
-        _untangle(gmsh)
+    if inverted(gmsh):
+        gmsh.model.mesh.optimize("HighOrder")  # it moves the nodes between the corners
 
 
-def _untangle(gmsh: Any) -> None:
-    """Move the nodes between the corners where a curved cell has been turned inside out."""
-    for kind in gmsh.model.mesh.getElementTypes(3):
-        tags, _ = gmsh.model.mesh.getElementsByType(kind)
-        if gmsh.model.mesh.getElementProperties(kind)[2] > 1 and not all(
-            gmsh.model.mesh.getElementQualities(tags, "minDetJac") > 0
-        ):
-            gmsh.model.mesh.optimize("HighOrder")
+def inverted(gmsh: Any) -> bool:
+    """Whether a curved solid cell has been turned inside out."""
+    mesh = gmsh.model.mesh
+    kinds = [kind for kind in mesh.getElementTypes(3) if mesh.getElementProperties(kind)[2] > 1]
+    cells = [mesh.getElementsByType(kind)[0] for kind in kinds]
+    return not all((mesh.getElementQualities(tags, "minDetJac") > 0).all() for tags in cells)
