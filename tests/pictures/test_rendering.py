@@ -1,7 +1,6 @@
 """Bodies in 3D as pictures: views, perspective, foundations and colours."""
 
 import sys
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +9,8 @@ from drawing import needs_pictures_in_3d
 
 from signorini_fx.addons.pictures import solid as drawing
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.body import DrawnBody, tiling
 from signorini_fx.addons.pictures.foundation import FoundationSurface
-from signorini_fx.addons.pictures.solid import Solid, solid_figure
+from signorini_fx.addons.pictures.solid import Solid
 from signorini_fx.addons.pictures.style import VALUES
 from signorini_fx.addons.pictures.view import normals_of
 from signorini_fx.errors import PictureError
@@ -27,15 +25,6 @@ WIDTH = 120
 def needed():
     """PyVista is not everywhere."""
     needs_pictures_in_3d()
-
-
-def cube(values, displacement=(0.0, 0.0, 0.0)):
-    """A cube with one value on each side; each side has a point in its middle too."""
-    points = np.concatenate((CUBE, CUBE[SIDES].mean(axis=1)))
-    within = np.column_stack((SIDES, 8 + np.arange(6)))
-    motion = np.tile(displacement, (14, 1))
-    field = {"von_mises": np.repeat(values, 5).reshape(6, 5)}
-    return DrawnBody(points, within, tiling(4, 1), motion, field, recovered=False)
 
 
 def solid(values, points=CUBE, triangles=TRIANGLES, **more):
@@ -114,10 +103,3 @@ def test_what_is_missing(monkeypatch, old, message):
     monkeypatch.setenv("PATH", "")  # no Xvfb
     with pytest.raises(PictureError, match=rf"{message}.*pip install pyvista"):
         drawing.image(solid(np.ones(12)), view.Camera.on(view.oblique(), CUBE), WIDTH)
-
-
-def test_a_body_without_facets():
-    """There is nothing to draw."""
-    empty = replace(cube(np.ones(6)), within=np.empty((0, 5), dtype=np.int64))
-    with pytest.raises(ValueError, match="no facets"):
-        solid_figure(empty, "von_mises", view.oblique())

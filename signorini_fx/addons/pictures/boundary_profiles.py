@@ -222,13 +222,8 @@ def boundary_profiles(
     contact.  Without friction there is only the left column.  If little of a boundary is in contact, only the
     surroundings of that part are drawn, and the coordinate says so.  ``table``: columns of ``contact.csv``, nodes in
     order along each boundary.
-
-    Raises:
-        ValueError: the table has no rows.
     """
     boundaries = [boundary.near() for boundary in boundaries_of(table)]
-    if not boundaries:
-        raise ValueError("the contact table has no rows")
     rubs = any(boundary.has_friction for boundary in boundaries)
     sides = ("contact", "friction") if rubs else ("contact",)
     with mpl.rc_context(STYLE):
@@ -251,18 +246,18 @@ def boundary_profiles(
                     panel.draw(axes, boundary, name if axes is upper else "")
                 seen.update(boundary.states)
                 state_strip(strip, boundary)
-        patches = state_patches(seen)
-        figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
+        state_legend(figure, seen)
         finish(figure, path_stem, title, suffixes)
 
 
-def state_patches(states: set[str]) -> list[Patch]:
-    """Entries of a legend, in a fixed order, for the states that occur."""
-    return [
+def state_legend(figure: Figure, states: set[str]) -> None:
+    """The states that occur, in a fixed order, below a figure."""
+    patches = [
         Patch(facecolor=color, edgecolor=MUTED, linewidth=0.5, label=label)
         for state, (color, label) in STATES.items()
         if state in states
     ]
+    figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
 
 
 def boundaries_of(table: Table) -> list[PlaneBoundary]:

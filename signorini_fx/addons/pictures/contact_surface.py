@@ -19,7 +19,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.boundary_profiles import STATES, ContactColumns, state_patches
+from signorini_fx.addons.pictures.boundary_profiles import STATES, ContactColumns, state_legend
 from signorini_fx.addons.pictures.marks import spaced, usual_range
 from signorini_fx.addons.pictures.style import (
     INK,
@@ -83,12 +83,7 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
 
     A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is seen from a second
     side as well, if anything is in contact there.
-
-    Raises:
-        ValueError: a facet of a shape that no contact surface has.
     """
-    if facets.shape[1] not in _POLYGONS:
-        raise ValueError(f"facets of {facets.shape[1]} nodes")
     polygons = facets[:, _POLYGONS[facets.shape[1]]].reshape(-1, len(_POLYGONS[facets.shape[1]][0]))
     names = np.asarray(table["boundary"])
     sides = []
@@ -129,9 +124,6 @@ def contact_surface(
     If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows that part,
     and says so.  Without friction: only pressure.  ``table``: columns of ``contact.csv``; ``facets``: its rows at each
     facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
-
-    Raises:
-        ValueError: the table has no rows.
     """
     with mpl.rc_context(STYLE):
         finish(contact_figure(table, facets), path_stem, title, suffixes)
@@ -140,8 +132,6 @@ def contact_surface(
 def contact_figure(table: Table, facets: Rows) -> Figure:
     """The figure that ``contact_surface`` writes."""
     sides = [side for side in sides_of(table, facets) if side.polygons.size]
-    if not sides:
-        raise ValueError("the contact table has no rows")
     windows = [_window(side) for side in sides]
     panels = [(side, window, state) for side, window in zip(sides, windows, strict=True) for state in (False, True)]
     panels = [(side, window, state) for side, window, state in panels if side.has_friction or not state]
@@ -162,8 +152,7 @@ def contact_figure(table: Table, facets: Rows) -> Figure:
             between = "\n" if len(side.name) > _LONG_NAME else " "
             _pressure_panel(figure, axes, side, low, high, f"{side.name},{between}{sight}")
     if seen:
-        patches = state_patches(seen)
-        figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
+        state_legend(figure, seen)
     figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
     return figure
 

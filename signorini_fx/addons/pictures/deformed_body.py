@@ -59,8 +59,7 @@ class DrawnFoundation:
         usual, inner = np.maximum(steps[:-2], steps[2:]), steps[1:-1]
         apart = (inner == 0) | ((inner > 4 * usual) & (usual > 0)) | np.diff(parts[3]) | np.diff(parts[4])
         split = zip(*(np.split(part, np.flatnonzero(apart) + 1) for part in parts), strict=True)
-        named = (dict(zip(("nodes", "offset", "touching", "other", "shaped"), piece, strict=True)) for piece in split)
-        return [DrawnFoundation(**piece) for piece in named if len(piece["nodes"]) > 1]
+        return [DrawnFoundation(*piece) for piece in split if len(piece[0]) > 1]
 
     def with_mirror_image(self) -> DrawnFoundation:
         """Behind that on the other side of the axis, which is x[0] = 0, in the other order: the body is on the left."""
@@ -97,12 +96,7 @@ def deformed_mesh(
     of the body without colour, the scale ends at the value that 99 % of the area stays below; an arrow at the colour
     bar says that there is more.  A circle marks the largest value, and a gray line is the outline of the undeformed
     body, whose coordinates stand at the axes.  ``name``: of the field, in ``FIELDS``.
-
-    Raises:
-        ValueError: there are no cells.
     """
-    if not body.within.size:
-        raise ValueError("the mesh has no cells")
     pieces = [] if foundation is None else foundation.pieces()
     factor = body.factor
     if not all(piece.looks_like_itself(factor, body.size) for piece in pieces):

@@ -58,6 +58,7 @@ class Solid:
     grounds: Sequence[tuple[Floats, Rows]] = ()
 
 
+@mpl.rc_context(STYLE)
 def deformed_solid(
     path_stem: str | Path,
     body: DrawnBody,
@@ -69,24 +70,7 @@ def deformed_solid(
     title: str = "",
     suffixes: Sequence[str] = SCREEN,
 ) -> None:
-    """Write the picture that ``solid_figure`` draws.
-
-    Raises:
-        PictureError: PyVista is missing.
-    """
-    with mpl.rc_context(STYLE):
-        figure, remark = solid_figure(body, name, seen, foundations, largest)
-        finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
-
-
-def solid_figure(
-    body: DrawnBody,
-    name: str,
-    seen: View,
-    foundations: Sequence[FoundationSurface] = (),
-    largest: Largest | None = None,
-) -> tuple[Figure, str]:
-    """Draw the outer surface of a deformed body in 3D on its foundation; returns the figure, and what it magnifies.
+    """Draw the outer surface of a deformed body in 3D on its foundation.
 
     If a singular edge would leave the rest without colour, the scale ends at the value that is not exceeded on 99 % of
     the visible area.  Dark lines on the body are its sharp edges, gray ones those of the undeformed body; the edges of
@@ -96,15 +80,11 @@ def solid_figure(
     and nothing is where that would bend the foundation visibly.
 
     Raises:
-        ValueError: the body has no facets.
         PictureError: PyVista is missing.
     """
-    if not body.within.size:
-        raise ValueError("the body has no facets")
     factor = body.factor
     if not all(foundation.looks_like_itself(factor, body.size) for foundation in foundations):
         factor = 1.0
-    remark = f"displacement{' and gap' if foundations and factor != 1 else ''} $\\times\\,{math_number(factor)}$"
     area = normals_of(body.points, body.triangles) @ seen.toward
     facing = area > 0
     label, corners = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name)
@@ -128,7 +108,8 @@ def solid_figure(
         mark_largest(axes, camera.flat(largest.moved(body, name, factor)), largest.text, behind=behind)
     tones.bar(figure, axes)
     figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
-    return figure, remark
+    remark = f"displacement{' and gap' if foundations and factor != 1 else ''} $\\times\\,{math_number(factor)}$"
+    finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
 
 
 def telling_view(body: DrawnBody, name: str) -> View:

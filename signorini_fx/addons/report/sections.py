@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +96,7 @@ def figures(summary: dict[str, Any]) -> Markup:
 
 def _note(summary: dict[str, Any]) -> str:
     """What the forces are, and the units."""
-    who, body = _sides(entry.get("against") for entry in summary["scene"].get("contact", []))
+    who, body = _sides(summary)
     forms = "forms" in summary["scene"]  # their measure says what is integrated
     measure = "what" if forms or kinematics_of(summary).whole else "per unit thickness, and what"
     integrated = ", integrated by the measure of the forms" if forms else ""
@@ -107,9 +106,9 @@ def _note(summary: dict[str, Any]) -> str:
     return f"Forces are {measure} {who} exerts on {body}{integrated}. {moments}. {units}."
 
 
-def _sides(against: Iterable[str | None]) -> tuple[str, str]:
-    """What exerts the forces of contacts, and on what, from the other boundary of each; none or "": it is rigid."""
-    kinds = {bool(name) for name in against}
+def _sides(summary: dict[str, Any]) -> tuple[str, str]:
+    """What exerts the forces of contacts, and on what."""
+    kinds = {bool(entry.get("against")) for entry in summary["scene"].get("contact", ())}
     who = {(True,): "the other body", (False, True): "the foundation or the other body"}
     return who.get(tuple(sorted(kinds)), "the foundation"), "the body of the boundary" if True in kinds else "the body"
 
@@ -171,7 +170,7 @@ def contact(summary: dict[str, Any], folder: Path) -> Markup:
         )
         return _drawn(folder, "contact_surface.png", "contact surface", caption)
     contacts, rubs = summary["scene"].get("contact", ()), has_friction(summary)
-    opposite, _ = _sides(entry.get("against") for entry in contacts)
+    opposite, _ = _sides(summary)
     caption = f"Normal displacement above {opposite} is penetration{'; shear has the sign of the slip' * rubs}."
     if kinematics_of(summary).out_of_section:
         caption += " Friction acts along the section and around the axis: both parts together are bounded."
@@ -182,7 +181,7 @@ def contact(summary: dict[str, Any], folder: Path) -> Markup:
 
 def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Markup:
     """Forces step by step, and the table of the steps, the columns of ``steps.csv``."""
-    who, whom = _sides(entry.get("against") for entry in summary["scene"].get("contact", ()))
+    who, whom = _sides(summary)
     caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
     drawn = _drawn(folder, "load_steps.png", "forces of the load steps", caption)
     return joined([drawn, long_table("Every load step", steps)])
