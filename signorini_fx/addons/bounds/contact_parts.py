@@ -219,8 +219,6 @@ def _clipped(polygon: Array, triangle: Array) -> Array:
     """The part of a convex polygon inside a triangle, both counterclockwise, shape (k, 2)."""
     for corner in range(3):
         first, last = triangle[corner], triangle[(corner + 1) % 3]
-        if not len(polygon):
-            break
         way = last - first
         height = way[0] * (polygon[:, 1] - first[1]) - way[1] * (polygon[:, 0] - first[0])
         points = []

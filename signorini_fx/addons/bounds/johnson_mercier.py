@@ -114,8 +114,6 @@ class LocalStress:
         Args:
             body: integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d).
         """
-        if not body.any():
-            return np.zeros((len(body), self._alone.shape[1]))
         # The triangle between three similar ones is turned by half a turn, which changes no sign here.
         moments = self._alone @ body.reshape(self._t.parts, len(self._alone), -1, 1)
         return np.asarray(moments.reshape(len(body), -1))
@@ -234,20 +232,20 @@ def constant_forces(t: Simplices, body: Array) -> Array:
 
 def from_strain(t: Simplices, strain: Array) -> Array:
     """The stress on the parts of cells at their corners, see ``LocalStress.stress``, of linear strains at corners."""
-    corner_stress = t.stress(strain)
+    corner_stress = t.moduli.stress(strain)
     centre = np.repeat(corner_stress.mean(axis=1)[:, None, None], t.dimension + 1, axis=1)
     return np.concatenate((corner_stress[:, FACETS[t.dimension]], centre), axis=2)
 
 
 def square(t: Simplices, stress: Array) -> Array:
     """Integrals of sigma : C^-1 sigma of stresses on the parts, by cell, energies, shape (n,)."""
-    d, strain = t.dimension, t.strain(stress) * TWICE[t.dimension]
+    d, strain = t.dimension, t.moduli.strain(stress) * TWICE[t.dimension]
     sums = (stress * strain).sum(axis=(1, 2, 3)) + (stress.sum(axis=2) * strain.sum(axis=2)).sum(axis=(1, 2))
     return np.asarray(t.volume / ((d + 1) ** 2 * (d + 2)) * sums).clip(min=0.0)
 
 
 def energy(t: Simplices, strain: Array) -> Array:
     """Squares of energy norms of linear strains at corners, by cell, see ``square``."""
-    d, stress = t.dimension, t.stress(strain) * TWICE[t.dimension]
+    d, stress = t.dimension, t.moduli.stress(strain) * TWICE[t.dimension]
     sums = (stress * strain).sum(axis=(1, 2)) + (stress.sum(axis=1) * strain.sum(axis=1)).sum(axis=1)
     return np.asarray(t.volume / ((d + 1) * (d + 2)) * sums)

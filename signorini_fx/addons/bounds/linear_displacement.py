@@ -116,7 +116,7 @@ def _stiffness(t: Simplices) -> sp.csr_matrix:
     rows, columns, twice = ROWS[d], COLUMNS[d], TWICE[d]
     gradient = np.einsum("nci,kj->nckji", t.gradients, np.eye(d)).reshape(len(t.corners), -1, d, d)
     strain = (gradient[:, :, rows, columns] + gradient[:, :, columns, rows]) / 2
-    local = t.volume[:, None, None] * t.stress(strain) @ (strain * twice).transpose(0, 2, 1)
+    local = t.volume[:, None, None] * t.moduli.stress(strain) @ (strain * twice).transpose(0, 2, 1)
     dofs = (d * t.corners[:, :, None] + np.arange(d)).reshape(len(t.corners), -1)
     places = np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, (1, dofs.shape[1])).ravel()
     return sp.csr_matrix((local.ravel(), places), shape=(t.x.size, t.x.size))
@@ -160,8 +160,6 @@ def of_each_piece(t: Simplices, motions: Array) -> list[tuple[int, Ints]]:
         t: the cells.
         motions: of ``free_motions``, shape (d v, k).
     """
-    if not motions.shape[1]:
-        return []
     piece = t.piece_of_vertex[np.abs(motions).argmax(axis=0) // t.x.shape[1]]
     return [(int(number), np.flatnonzero(piece == number)) for number in np.unique(piece)]
 

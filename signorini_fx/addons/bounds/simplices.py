@@ -70,10 +70,6 @@ class Moduli:
         """Of stresses, shape (n, ..., m)."""
         return _times(self.compliance, stress)
 
-    def repeated(self, times: int) -> Moduli:
-        """Of so many times the cells."""
-        return Moduli(*(np.tile(matrix, (times, 1, 1)) for matrix in (self.stiffness, self.compliance)))
-
     def of(self, cells: Ints | slice) -> Moduli:
         """Of some of the cells."""
         return Moduli(self.stiffness[cells], self.compliance[cells])
@@ -211,14 +207,6 @@ class Simplices:
         inverse = np.linalg.inv(self.jacobian)
         return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
 
-    def stress(self, strain: Array) -> Array:
-        """Of strains, shape (n, ..., 3 or 6)."""
-        return self.moduli.stress(strain)
-
-    def strain(self, stress: Array) -> Array:
-        """Of stresses, shape (n, ..., 3 or 6)."""
-        return self.moduli.strain(stress)
-
     def strain_at_corners(self, y: Array, middle: Array) -> Array:
         """Strains of a displacement of degree 2 at the corners of the cells, shape (n, d + 1, 3 or 6).
 
@@ -298,7 +286,7 @@ def divide(t: Simplices, y: Array, middle: Array) -> tuple[Simplices, Array, Arr
     first, m = len(t.x), t.facets_of + len(t.x)
     corners = [np.column_stack([t.corners[:, i] if j == i else m[:, 3 - i - j] for j in range(3)]) for i in range(3)]
     x = np.concatenate((t.x, t.x[t.edges].mean(axis=1)))
-    divided = Simplices(x, np.concatenate((*corners, m)), t.moduli.repeated(4), 4)
+    divided = Simplices(x, np.concatenate((*corners, m)), t.moduli.of(np.tile(np.arange(len(t.corners)), 4)), 4)
     keys = divided.keys(divided.edges)
     between = np.zeros((len(divided.edges), 2))
     middles = first + np.arange(len(t.edges))
