@@ -87,9 +87,8 @@ class Deck:
     assumed: str = ""  # the assumption of plane elements, of which ``hypothesis`` is the key
     thickness: float = 1.0
     steps: list[str] = field(default_factory=list)
-    period: float = 1.0
-    time: float = 0.0
-    ends: dict[int, float] = field(default_factory=dict)  # step -> the total time at its end
+    period: float = 1.0  # of the last step
+    time: float = 0.0  # the total one at its beginning
     nonlinear: DeckBlock | None = None  # the last step with NLGEOM; None: there is none
     loads: dict[tuple[Any, ...], DeckLoad] = field(default_factory=dict)
     ended: set[tuple[int, str]] = field(default_factory=set)

@@ -156,8 +156,6 @@ def read_deck(file: Path) -> Deck:
         MeshError: there is no such file, or it is no mesh; a number is none, or a line has too few; the first step is
             of no kind.
     """
-    if not os.path.isfile(file):  # a name may be of any length
-        raise MeshError(f"{file}: no such file")
     model = read_model(file)
     mesh = from_raw(model.raw, str(file))
     outside = {name: rows[rows < mesh.exterior] for name, rows in mesh.boundaries.items()}
@@ -267,7 +265,6 @@ def _read_step(deck: Deck, block: DeckBlock) -> None:
     deck.steps.append(block.parameters.get("NAME", f"step {len(deck.steps) + 1}"))
     deck.time += deck.period if deck.step else 0.0
     deck.period = 1.0
-    deck.ends[deck.step] = deck.time + deck.period
     if block.parameters.get("NLGEOM", "NO").upper() in ("", "YES"):
         deck.nonlinear = block
     if "PERTURBATION" in block.parameters:
@@ -277,7 +274,6 @@ def _read_step(deck: Deck, block: DeckBlock) -> None:
 def _read_static(deck: Deck, block: DeckBlock) -> None:
     rows = block.rows
     deck.period = (real(rows[0][1]) if rows and len(rows[0]) > 1 else 0.0) or 1.0  # as both programs take it
-    deck.ends[deck.step] = deck.time + deck.period
 
 
 def _read_amplitude(deck: Deck, block: DeckBlock) -> None:

@@ -93,9 +93,8 @@ def _of_deck(file: Path) -> JudgedProblem:
         except SceneError as error:
             raise error.of(file) from None
     deck = drafted.deck
-    time = deck.ends.get(len(deck.steps) - 1, float(max(1, len(deck.steps))))
     unjudged = tuple(_unjudged(scene, deck.mesh))
-    return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), time, unjudged)
+    return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period, unjudged)
 
 
 def _unjudged(scene: Scene, arrays: MeshArrays) -> list[str]:
