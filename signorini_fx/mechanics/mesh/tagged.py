@@ -274,10 +274,8 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, size
         _LOCAL_SIZES.reset(reset)
     if not isinstance(tagged, TaggedMesh):
         raise SceneError([("mesh.generator", f"{name!r} has made {kind_of(tagged)}, a TaggedMesh is expected")])
-    if isinstance(sizes, SizeField):
-        asked = ["accuracy.refinement"]
-    else:
-        asked = [size.path for size in sizes if size.boundary in tagged.boundaries]
+    # Lengths of all cells are asked of generators alone that make cells of several.
+    asked = [] if isinstance(sizes, SizeField) else [size.path for size in sizes if size.boundary in tagged.boundaries]
     if in_rows and asked:
         cure = "make all of them smaller by its parameters, or draw the body in a .geo"
         raise SceneError([(asked[0], f"the cells of the generator {name!r} are in rows: {cure}")])
