@@ -133,10 +133,9 @@ class ResultPictures:
             self._draw_curves(folder, contact, facets, steps)
             if self.body is not None:
                 body = self.body if contact is None else replace(self.body, parted=_parted(contact))
-                if self.dimension == 2:
-                    self._draw_in_the_plane(body, contact, folder, largest)
-                else:
-                    self._draw_in_space(body, contact, facets, folder, largest)
+                draw = self._in_2d(body, contact) if self.dimension == 2 else self._in_3d(body, contact, facets)
+                for name in self.fields:
+                    draw(folder / self._stem(name), name=name, **self._options(name, body, largest))
 
     def _draw_curves(
         self, folder: Path, contact: Table | None, facets: npt.NDArray[np.int64] | None, steps: Table | None
@@ -175,9 +174,8 @@ class ResultPictures:
     def _stem(self, name: str) -> str:
         return "deformed" if name == self.fields[0] else f"field_{name}"
 
-    def _draw_in_the_plane(
-        self, body: DrawnBody, contact: Table | None, folder: Path, largest: tuple[Sequence[float], str] | None
-    ) -> None:
+    def _in_2d(self, body: DrawnBody, contact: Table | None) -> Callable[..., None]:
+        """What draws a field of the body in 2D on its foundation."""
         from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
 
         foundation = None
@@ -194,27 +192,19 @@ class ResultPictures:
         if self.mirrored:
             body = body.with_mirror_image()
             foundation = None if foundation is None else foundation.with_mirror_image()
-        for name in self.fields:
-            options = self._options(name, body, largest)
-            deformed_mesh(folder / self._stem(name), body, name, foundation=foundation, **options)
+        return partial(deformed_mesh, body=body, foundation=foundation)
 
-    def _draw_in_space(
-        self,
-        body: DrawnBody,
-        contact: Table | None,
-        facets: npt.NDArray[np.int64] | None,
-        folder: Path,
-        largest: tuple[Sequence[float], str] | None,
-    ) -> None:
+    def _in_3d(
+        self, body: DrawnBody, contact: Table | None, facets: npt.NDArray[np.int64] | None
+    ) -> Callable[..., None]:
+        """The same of a body in 3D."""
         from signorini_fx.addons.pictures.solid import deformed_solid, telling_view
 
         foundations = []
         if contact is not None and facets is not None:
             foundations = foundations_of(contact, facets, self.tools, self.shapes)
         seen = telling_view(body, self.fields[0])
-        draw = partial(deformed_solid, body=body, seen=seen, foundations=foundations)
-        for name in self.fields:
-            draw(folder / self._stem(name), name=name, **self._options(name, body, largest))
+        return partial(deformed_solid, body=body, seen=seen, foundations=foundations)
 
 
 def _grounded(contact: Table) -> npt.NDArray[np.bool_]:
