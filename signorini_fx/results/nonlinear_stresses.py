@@ -105,14 +105,15 @@ class NonlinearForces(NodalForces):
         self._move_to(displacement, states, step)
         return np.asarray(assemble(self._residual) - self.external(step).ravel())
 
-    def of_followers(self, displacement: fem.Function, step: float, effects: Sequence[Any]) -> Array:
-        """The forces of some loads that follow the body, shape (owned nodes, d); collective."""
+    def of_followers(self, displacement: fem.Function, step: float) -> list[tuple[Any, Array]]:
+        """The loads that follow the body, with their forces, shape (owned nodes, d); collective."""
         self._u.x.array[:] = displacement.x.array
         self._body.move_to(step)
-        followers = self._body.followers
-        pairs = zip(followers.effects, followers.works, strict=True)
-        works = [work for effect, work in pairs if any(effect is one for one in effects)]
-        return -self._sum(self._compiled(("followers", *map(id, effects)), lambda: works))
+        followers, loads = self._body.followers, list[tuple[Any, Array]]()
+        for effect, work in zip(followers.effects, followers.works, strict=True):
+            forms = self._compiled(("follower", id(effect)), lambda work=work: [work])
+            loads.append((effect, -self._sum(forms)))
+        return loads
 
     def unstrained(self) -> dict[int, Array]:
         """The states of the materials that have one before the first load step, by their numbers."""

@@ -8,7 +8,7 @@ that it is at small strains.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -18,11 +18,10 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.nonlinear.displaced_certificate import DisplacementsAtPlaces, ResidualMechanics
+from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody
 from signorini_fx.forms.nonlinear.linearised import State
 from signorini_fx.forms.nonlinear.load_continuation import Continuation, Way
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
-from signorini_fx.forms.nonlinear.newton import Origin
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import compat, parallel
@@ -39,10 +38,10 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Timings
-from signorini_fx.results.certificate.body_nodes import PrescribedNodes
+from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.nonlinear_stresses import NonlinearForces, NonlinearStresses, StatesOnPath
-from signorini_fx.results.resultants import NamedForces
+from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
@@ -102,6 +101,7 @@ class ProblemOfScene(NonlinearContactProblem):
     body: BodyResidual
     path_step = -1.0
     timings: Timings
+    _named_residual: ClassVar[str] = "material"
     _held: list[tuple[fem.Function, npt.NDArray[np.int32]]]
 
     @classmethod
@@ -137,8 +137,7 @@ class ProblemOfScene(NonlinearContactProblem):
         except FormError as error:
             raise _of_scene(error, statement) from None
         problem.statement, problem.model, problem.body, problem._held = statement, model, body, held
-        anew = NonlinearForces(statement, tagged, space)
-        problem._solver.origin = StatedOrigin(problem, anew, StatesOnPath(anew))
+        problem._solver.too_large = problem._too_large
         problem._solver.tangents.trusted = body.tangent is not None
         problem.linear.bodies, problem.linear.history = model.pieces.bodies, history
         problem._begins_at(statement.placed(-1))
@@ -167,12 +166,15 @@ class ProblemOfScene(NonlinearContactProblem):
             raise _of_scene(error, self.statement) from None
         self.timings.seconds.update(self._solver.timings.seconds)
         solution = self.titled(self.statement.title)
-        model = replace(solution.model, statement=self.statement, tagged=self.model.tagged)
+        body: dict[str, Any] = {field.name: getattr(solution.model, field.name) for field in fields(solution.model)}
+        body |= {"statement": self.statement, "tagged": self.model.tagged}
+        states = StatesOnPath(NonlinearForces(self.statement, self.model.tagged, self.model.space))
         known = nonlinear_findings(self.statement, self.model)
         contacts = [step.contact.in_contact.any() for step in solution.steps if step.contact is not None]
         touching = parallel.any_rank(self.model.comm, bool(np.any(contacts))) if contacts and not failures else None
         findings = (*failures, *known, *self.findings, *untouched(touching=touching))
         named = tuple(map(self._named, solution.steps))
+        model = BodyOfScene(**body, states=states)
         return replace(solution, model=model, steps=named, timings=self.timings, found=lambda: findings)
 
     @property
@@ -237,6 +239,14 @@ class ProblemOfScene(NonlinearContactProblem):
         anew = NonlinearForces(statement, self.model.tagged, self.model.space)
         return -anew.residual(displacement, {}, self.path_step)
 
+    def _too_large(self) -> str:
+        """Where all strains are small ones, so must the deformation be."""
+        if self.statement.finite_strains:
+            return ""
+        size = deformation_of(self.linear.elastic, self.u, self.linear.scales.size).largest
+        limit = self.statement.solver.largest_deformation
+        return "" if size <= limit else f"it is {size:.3g}, of small strains at most {limit:g}"
+
     def _begins_at(self, statement: Statement) -> None:
         """Slip counts from where foundations are at time 0."""
         self._move(statement)
@@ -267,53 +277,34 @@ class ReachedStep:
     begun: StepBeginning
 
 
-@dataclass(frozen=True)
-class StatedOrigin(Origin):
-    """What a scene knows of its residual: the loads and supports by name, the stress, and the sizes of strains."""
+@dataclass(frozen=True, kw_only=True)
+class BodyOfScene(ResidualBody):
+    """A body whose loads and supports have names, and whose materials say its stress.
 
-    residual: ClassVar[str] = "material"
-    problem: ProblemOfScene
-    anew: NonlinearForces  # of its materials and loads
+    Attributes:
+        states: of the materials, with what evaluates the forces of materials and loads.
+    """
+
     states: StatesOnPath
 
-    def too_large(self) -> str:
-        """Where all strains are small ones, so must the deformation be."""
-        linear, limit = self.problem.linear, self.problem.statement.solver.largest_deformation
-        if (
-            self.problem.statement.finite_strains
-            or (size := deformation_of(linear.elastic, self.problem.u, linear.scales.size).largest) <= limit
-        ):
-            return ""
-        return f"it is {size:.3g}, of small strains at most {limit:g}"
+    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> NonlinearStresses:
+        path = [(load_step.displacement, load_step.place) for load_step, _ in self.at_steps]
+        last = next((number for number, (displacement, _) in enumerate(path) if displacement is y), None)
+        return NonlinearStresses.of(self, self.states, [(y, step)] if last is None else path[: last + 1])
 
-    def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
-        anew, problem = self.anew, self.problem
-        followers = [
-            (
-                load.where,
-                load.label if load.carried else "pressure",
-                anew.of_followers(problem.u, problem.path_step, effects=[load]),
-            )
-            for load in problem.body.followers.effects
-        ]
+    def acting(self, y: fem.Function, step: float) -> ActingForces:
+        """At small strains moments balance at the undeformed points."""
+        statement, anew = self.statement, self.states.forces
+        places = [entry.place if entry.holds_at(step) else None for entry in anew.statement.displacement]
+        acting = [load for load in anew.statement.of(Force) if load.acts]
+        loads = [(load.where, load.label, anew.external(step, some=[load])) for load in acting]
+        for load, forces in anew.of_followers(y, step):
+            loads.append((load.where, load.label if load.carried else "pressure", forces))
         springs = [effect for effect in anew.statement.of(Resistance) if effect.acts]
-        followers += [(effect.where, effect.label, -anew.resisted(problem.u, [effect])) for effect in springs]
-
-        def loads(path_step: float) -> list[NamedForces]:
-            acting = [load for load in anew.statement.of(Force) if load.acts]
-            return [(load.where, load.label, anew.external(path_step, some=[load])) for load in acting] + followers
-
-        def supports(path_step: float) -> tuple[PrescribedNodes, list[str | None]]:
-            entries = anew.statement.displacement
-            places = [entry.place if entry.holds_at(path_step) else None for entry in entries]
-            return anew.prescribed(path_step), places
-
-        def stresses(model: Model, path: DisplacementsAtPlaces) -> NonlinearStresses:
-            return NonlinearStresses.of(model, self.states, path)
-
-        finite = self.problem.statement.finite_strains
-        says = replace(mechanics, loads=loads, supports=supports, displaced=finite, stresses=stresses)
-        return replace(says, place=problem.path_step)
+        loads += [(effect.where, effect.label, -anew.resisted(y, [effect])) for effect in springs]
+        balance = replace(self.balance(y, step), supports=anew.prescribed(step))
+        names = [effect.where for _, effect in statement.listed()]
+        return ActingForces(balance, places, loads, names, statement.finite_strains)
 
 
 def _with_sides_of(statement: Statement, body: Statement) -> Statement:

@@ -23,22 +23,19 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.moving_shapes import motion_at
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.loads.supports import prescribed
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.foundations_on_points import ShapeDistances
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
+from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
 from signorini_fx.results.certificate.pair_points import FrozenPoints, PairPoints, SlidingPoints
-from signorini_fx.results.mechanics import SolidBody
-from signorini_fx.results.resultants import ActingForces, NamedForces
+from signorini_fx.results.mechanics import SolidBody, StepResult
+from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.stresses import RawStresses
 
 Array = npt.NDArray[np.float64]
-# Of load steps, the first one first, each with its place in the lists of factors.
-DisplacementsAtPlaces = Sequence[tuple[fem.Function, float]]
 
 
 @dataclass(frozen=True)
@@ -50,24 +47,12 @@ class ResidualMechanics:
         contact: what holds at the contact points, met at the displaced points; None: there is no contact.
         boundaries: the facets of each part of the boundary that was given a name.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
-        loads: gives the loads beside the residual at a place in the lists of factors, see ``ActingForces``.
-        supports: gives what holds each node there, and the names of its supports, see ``ActingForces``; None: supports
-            are the parts of the boundary all of whose nodes are held.
-        stresses: gives the stress at the end of a load step from the displacements of those up to it; None: the
-            residual alone knows it.
-        displaced: whether moments balance at the displaced points: at small strains they do at the undeformed ones.
-        place: in the lists of factors.
     """
 
     forces: Balance
     contact: ContactConditions | None
     boundaries: Mapping[str, Facets]
     fixed: npt.NDArray[np.bool_]
-    loads: Callable[[float], Sequence[NamedForces]] = lambda step: ()
-    supports: Callable[[float], tuple[PrescribedNodes, Sequence[str | None]]] | None = None
-    displaced: bool = True
-    stresses: Callable[[Model, DisplacementsAtPlaces], RawStresses] | None = None
-    place: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,26 +61,21 @@ class ResidualBody(SolidBody):
 
     Attributes:
         at_end: what it says at the last one.
-        at_steps: the displacement of each load step with what it says there; none: there is the last one alone.
+        at_steps: each load step with what it says there; none: there is the last one alone.
         stress_error: gives what cells have of the error of the stress at the last one, see ``stress_error``.
     """
 
     no_bounds: ClassVar[str] = "a nonlinear body has no guaranteed bound"
 
     at_end: ResidualMechanics
-    at_steps: Sequence[tuple[fem.Function, ResidualMechanics]] = ()
+    at_steps: Sequence[tuple[StepResult, ResidualMechanics]] = ()
     stress_error: Callable[[], Array | str] = lambda: "there is no estimate of the error"
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         return self._at(y).contact
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
-        """Of the materials of a scene."""
-        if self.at_end.stresses is None:
-            return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
-        path = [(displacement, mechanics.place) for displacement, mechanics in self.at_steps]
-        last = next((number for number, (displacement, _) in enumerate(path) if displacement is y), None)
-        return self.at_end.stresses(self, [(y, self.at_end.place)] if last is None else path[: last + 1])
+        return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         return self._at(y).forces
@@ -103,15 +83,11 @@ class ResidualBody(SolidBody):
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         """At the supports; which loads act is known to the residual alone."""
         end = self._at(y)
-        if end.supports is not None:
-            supports, places = end.supports(step)
-            names = [effect.where for _, effect in self.statement.listed()]
-            return ActingForces(replace(end.forces, supports=supports), places, end.loads(step), names, end.displaced)
-        return acting_on(end.forces, end.boundaries, end.fixed, end.loads(step), displaced=end.displaced)
+        return acting_on(end.forces, end.boundaries, end.fixed, (), displaced=True)
 
     def _at(self, y: fem.Function) -> ResidualMechanics:
         """That of the load step with a displacement."""
-        return next((mechanics for displacement, mechanics in self.at_steps if displacement is y), self.at_end)
+        return next((mechanics for load_step, mechanics in self.at_steps if load_step.displacement is y), self.at_end)
 
 
 def mechanics_at(

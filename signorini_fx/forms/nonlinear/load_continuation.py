@@ -69,7 +69,7 @@ class Continuation(Stepping[StepResult]):
 
     Attributes:
         steps: those with a solution.
-        mechanics: their displacements and what the residual says of them.
+        mechanics: the same with what the residual says of them.
     """
 
     def __init__(self, solver: EquilibriumSolver, way: Way) -> None:
@@ -77,7 +77,7 @@ class Continuation(Stepping[StepResult]):
         self.solver, self.way = solver, way
         self.history, self.timings = solver.linear.history, solver.timings
         self.steps = list[StepResult]()
-        self.mechanics = list[tuple[fem.Function, ResidualMechanics]]()
+        self.mechanics = list[tuple[StepResult, ResidualMechanics]]()
         self._solves_before = len(self.history.iterations)
 
     @property
@@ -137,7 +137,7 @@ class Continuation(Stepping[StepResult]):
         step = self.way.named(end, replace(solved.step, step=len(self.steps) + 1))
         self.solver.solved = replace(solved, step=step)
         self.steps.append(step)
-        self.mechanics.append((step.displacement, solved.mechanics))
+        self.mechanics.append((step, solved.mechanics))
         self.solver.advance()
         return step
 

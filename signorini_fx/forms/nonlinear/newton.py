@@ -13,7 +13,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -95,24 +94,6 @@ def advice_on(status: Status) -> str:
     return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice
 
 
-class Origin:
-    """What a residual comes from, and what is known of it: of a user's form nothing beside itself.
-
-    Attributes:
-        residual: what it is called.
-    """
-
-    residual: ClassVar[str] = "F"
-
-    def too_large(self) -> str:
-        """By how much the deformation is too large, in words; empty: it is not; collective."""
-        return ""
-
-    def loaded(self, mechanics: ResidualMechanics) -> ResidualMechanics:
-        """The same with the loads that are not in F."""
-        return mechanics
-
-
 @dataclass
 class EquilibriumSolver:
     """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they are.
@@ -121,6 +102,7 @@ class EquilibriumSolver:
         linear: the contact problem of an iteration, with the shapes.
         commit: the user's function at the end of a step.
         asks_stability: whether an equilibrium must be stable.
+        too_large: gives by how much the deformation is too large, in words; empty: it is not; collective.
         status: how the last attempt has ended; None: by an error, or there is none.
         certificate: of the last solution, or the last iterate; None: there is none.
         iterations, linear_solves: of the last attempt.
@@ -139,7 +121,7 @@ class EquilibriumSolver:
     commit: Callable[[], object]
     max_newton: int
     asks_stability: bool
-    origin: Origin = field(default_factory=Origin)
+    too_large: Callable[[], str] = lambda: ""
     status: Status | None = None
     certificate: Certificate | None = None
     iterations: int = 0
@@ -382,7 +364,7 @@ class EquilibriumSolver:
 
     def _judge(self, residual: Array | None = None) -> Status:
         """Whether an iterate is a solution; ``residual``: F there, evaluated last; None: not yet; collective."""
-        self._detail = self.origin.too_large()
+        self._detail = self.too_large()
         if self._detail:
             return Status.TOO_LARGE
         linear, values = self.linear, self.u.x.array.copy()
@@ -413,7 +395,7 @@ class EquilibriumSolver:
         linear = self.linear
         mechanics = mechanics_at(self.u, residual, linear, lost)
         claimed = Tractions.of(linear.state), linear.previous_step
-        return certified(self.u, mechanics, linear, *claimed), self.origin.loaded(mechanics)
+        return certified(self.u, mechanics, linear, *claimed), mechanics
 
 
 def share_of_increment(slope: Callable[[float], float], first: float, *, search: bool) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -163,6 +163,8 @@ class NonlinearContactProblem(ProblemOfForms):
         MachineError: a form cannot be compiled.
     """
 
+    _named_residual: ClassVar[str] = "F"
+
     def __init__(
         self,
         F: Any,
@@ -273,7 +275,7 @@ class NonlinearContactProblem(ProblemOfForms):
         ends = [*steps, *(() if solved is None else (solved.step,))]
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
-        digits = lost_digits(pressed, self._solver.origin.residual)
+        digits = lost_digits(pressed, self._named_residual)
         return (*findings_of(self.linear, steps), *digits)
 
     @property

@@ -105,7 +105,7 @@ class SolvedBody:
         self,
         rigid: Any,
         steps: Sequence[StepResult],
-        mechanics: Sequence[tuple[fem.Function, ResidualMechanics]],
+        mechanics: Sequence[tuple[StepResult, ResidualMechanics]],
         ended: tuple[Status, tuple[Finding, ...]],
         spent: tuple[History, Timings],
         title: str,
