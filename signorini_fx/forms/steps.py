@@ -24,25 +24,16 @@ from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpo
 from signorini_fx.solving.load_steps import BegunStep, Increments, SteppedBody, StepProgress
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps
 
+Clock = Callable[[float], object]  # changes a problem to what it is at a time
 
-class Clock:
-    """Changes a problem to what it is at a time, by a function of the time, or a Constant whose value is the time."""
 
-    def __init__(self, at: Callable[[float], object] | fem.Constant) -> None:
-        if not callable(at) and not (isinstance(at, fem.Constant) and at.value.ndim == 0):
-            raise FormError([("at", f"must be a function of the time or a Constant with one value, not {kind_of(at)}")])
-        self._at = at
-        self._time: float | None = None
-
-    def turn(self, time: float) -> None:
-        """Go to a time, unless it is the present one."""
-        if time == self._time:
-            return
-        if isinstance(self._at, fem.Constant):
-            self._at.value = time
-        else:
-            self._at(time)
-        self._time = time
+def _clock_of(at: Clock | fem.Constant) -> Clock:
+    """The function of the time that users give, or that gives their Constant the time as its value."""
+    if isinstance(at, fem.Constant) and at.value.ndim == 0:
+        return lambda time: setattr(at, "value", time)
+    if isinstance(at, fem.Constant) or not callable(at):
+        raise FormError([("at", f"must be a function of the time or a Constant with one value, not {kind_of(at)}")])
+    return at
 
 
 @dataclass(frozen=True)
@@ -60,7 +51,7 @@ class FormSteps(SteppedBody):
         solver = self.solver
         solver.return_to(self.beginning)
         with self.timings.phase("assemble"):
-            self.clock.turn(self.path.time_at(path_step))
+            self.clock(self.path.time_at(path_step))
             start = solver.begin_step()
         if end is None:  # without contact nothing of the last step but its number counts
             start = replace(start, step=first.step)
@@ -92,7 +83,7 @@ def solve_path(
     solver.solves_before = len(solver.history.iterations)
     increments = Increments(path, solver.settings)
     with options_applied(*solver.options):
-        clock.turn(path.time_at(increments.next))
+        clock(path.time_at(increments.next))
         with solver.timings.phase("assemble"):
             solver.begun = start = solver.begin_step()
         body = FormSteps(solver.model(path), path, solver.timings, solver, clock, solver.beginning())
@@ -123,7 +114,7 @@ def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgres
 def begun_path(
     solver: FormSolver,
     path: LoadPath | Sequence[float],
-    at: Callable[[float], object] | fem.Constant,
+    at: Clock | fem.Constant,
     folder: str | Path | None,
     *,
     restart: bool,
@@ -132,7 +123,7 @@ def begun_path(
 
     Values of Constants are not compared with those of a checkpoint: certificates judge what is taken from it.
     """
-    clock, path = Clock(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
+    clock, path = _clock_of(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
     if folder is None:
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])

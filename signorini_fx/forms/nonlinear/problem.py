@@ -366,7 +366,7 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         path, clock, stored = begun_path(self.linear, path, at, folder, restart=restart)
         with self._as_convergence_error():
-            way = Way(path, lambda place: clock.turn(path.time_at(place)))
+            way = Way(path, lambda place: clock(path.time_at(place)))
             self._ran = Continuation(self._solver, way)
             self._ran.all(on_step, stored)
         return self.solution
