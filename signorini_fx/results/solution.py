@@ -169,9 +169,9 @@ class Solution:
             return f"{', or '.join(ways)}; beyond a limit load there is no solution: lower the load"
         if self.status is Status.LINEAR_SOLVER and (name := settings.linear_algebra) in names_of(LINEAR_SOLVERS):
             return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
-        materials = self.statement.material
-        nonlinear = any(not material.linear for material in materials)
-        advice = advice_on_nonlinear(self.status, self.statement) if nonlinear else self.history.advice(self.status)
+        if self.status is Status.INVERTED and not any(material.finite for material in self.statement.material):
+            return _RAN_AWAY
+        advice = self.history.advice(self.status)
         if self.status in _BY_OWN_CODE and (own := self._own_code):
             return f"{advice}; it may also be that {' or '.join(own)} contradicts itself where it was not tried"
         return advice
@@ -406,15 +406,6 @@ class ConvergenceError(SignoriniError):
             found for found in solution.findings if found.level == "warning" and found.message not in solution.advice
         ]
         super().__init__("\n".join([outcome(solution), *(f"{warning.path}: {warning.message}" for warning in found)]))
-
-
-def advice_on_nonlinear(status: Status, statement: Statement) -> str:
-    """What to do about the outcome of a body of materials that are not all linear, whose own Newton iteration ended."""
-    if status is Status.MAX_ITERATIONS:  # not those of an algorithm of contact
-        return Status.NOT_SOLVED.advice
-    if status is Status.INVERTED and not any(material.finite for material in statement.material):
-        return _RAN_AWAY
-    return status.advice
 
 
 def outcome(solution: Solution, *, advice: bool = True) -> str:

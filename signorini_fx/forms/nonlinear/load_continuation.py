@@ -12,7 +12,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import MatrixError
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import State
-from signorini_fx.forms.nonlinear.newton import FINAL, EquilibriumSolver, NoEquilibrium, advice_on
+from signorini_fx.forms.nonlinear.newton import FINAL, EquilibriumSolver, NoEquilibrium
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord
@@ -124,7 +124,7 @@ class Continuation(Stepping[StepResult]):
                 reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
                 raise FormError(reasons, error.source) from error.__cause__
             assert status is not None
-            solver.status, advice = status, advice_on(status)
+            solver.status, advice = status, status.advice
             text = f"{solver.failure}: at {end}; {last}"
             if status is Status.LIMIT:
                 text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"

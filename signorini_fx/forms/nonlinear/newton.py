@@ -83,15 +83,10 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, detai
     be no solution; ``detail``: what is wrong, or where; empty: nothing is known.
     """
     reason = says_no or detail
-    if not reason and certificate is not None and status in (Status.NOT_CERTIFIED, Status.MAX_ITERATIONS):
+    if not reason and certificate is not None and status in (Status.NOT_CERTIFIED, Status.NOT_SOLVED):
         reason = f"{certificate.worst_name} {certificate.worst:.1e}"
     ended = "deformation too large for small strains" if status is Status.TOO_LARGE else status.value
     return ended + (f" ({reason})" if reason else "")
-
-
-def advice_on(status: Status) -> str:
-    """What to do about the outcome of a solve; iterations are those of Newton's method."""
-    return (Status.NOT_SOLVED if status is Status.MAX_ITERATIONS else status).advice
 
 
 @dataclass
@@ -199,7 +194,7 @@ class EquilibriumSolver:
             return
         self.failure = failure(status, self.certificate, self.without, self._detail)
         self.go_back(last)
-        raise NoEquilibrium(f"{self.failure}: {advice_on(status)}")
+        raise NoEquilibrium(f"{self.failure}: {status.advice}")
 
     def certify(self, begun: State) -> Status:
         """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
@@ -328,7 +323,7 @@ class EquilibriumSolver:
                     return status
                 else:
                     u.x.array[:], residual, keeps, rests = 0.0, None, False, True
-        return Status.MAX_ITERATIONS
+        return Status.NOT_SOLVED
 
     @property
     def _is_linear(self) -> bool:
