@@ -83,6 +83,28 @@ class ProblemOfForms:
         """
         return self.titled("")
 
+    @property
+    def errors(self) -> Errors:
+        """Estimated errors of the last solution, relative: of the displacement in the energy norm, or of a nonlinear
+        body of the stress, and of contact pressure and contact force; collective.
+
+        What the mesh does not resolve of loads, gap and friction is not among them.
+
+        Raises:
+            RuntimeError: there is no solution so far, or no stress of it.
+            FormError: there is no contact; of a ``ContactProblem`` see ``stress``, or a measure multiplies the forms.
+        """
+        from signorini_fx.results.accuracy.error_estimates import combined
+
+        if not self.assembled.contact:
+            wrong = "there is none, and no error of its pressure: of the stress see stress.error"
+            raise FormError([("contact", wrong)])
+        return combined(*self._errors_in_body())
+
+    def _errors_in_body(self) -> tuple[Any, ...]:
+        """What error estimates are combined from, see ``combined``; collective."""
+        raise NotImplementedError
+
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
 
@@ -246,28 +268,15 @@ class ContactProblem(ProblemOfForms):
             self._stresses = solver.outcome, stress
         return self._stresses[1]
 
-    @property
-    def errors(self) -> Errors:
-        """Estimated errors of the last solution: of the displacement and of the contact pressure, relative; collective.
-
-        What the mesh does not resolve of loads, gap and friction is not among them.
-
-        Raises:
-            RuntimeError: the problem was given no ``stress``.
-            FormError: see ``stress``; or there is no contact, or a measure multiplies the forms, which is not known.
-        """
+    def _errors_in_body(self) -> tuple[Any, ...]:
         from signorini_fx.mechanics.contact_points.contact_table import contact_table
-        from signorini_fx.results.accuracy.error_estimates import combined
 
         stress, solver = self.stress, self.assembled
-        if not self.contact:
-            wrong = "there is none, and no error of its pressure: of the stress see stress.error"
-            raise FormError([("contact", wrong)])
         if solver.forms.weighted:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
             raise FormError([("stress", wrong)])
         table, squares = contact_table(self.state, solver.forms.names), stress.recovery.squares(self.u)
-        return combined(solver.model(), table, squares, stress.energy)
+        return solver.model(), table, squares, stress.energy
 
     def titled(self, title: str) -> Solution:
         from signorini_fx.forms.steps import solution_of

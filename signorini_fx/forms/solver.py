@@ -168,11 +168,6 @@ class FormSolver:
             raise RuntimeError("there is no solution so far: call solve()")
         return self._state
 
-    @property
-    def has_state(self) -> bool:
-        """Whether there is a last solve."""
-        return self._state is not None
-
     def begin_step(self) -> Start:
         """Where a solve begins with what the problem is now; collective."""
         data, law = self.update()
@@ -302,15 +297,11 @@ class FormSolver:
             if law is None or forms.weighted:
                 measures = {getattr(contact, "measure", None) for contact in forms.contact} - {None}
                 alone = len(measures) < 2  # of several none is known to be that of the energy
-                modulus = modulus_of_energy(self._bilinear_form(), self.space, *measures) if alone else None
+                modulus = modulus_of_energy(forms.original[0], self.space, *measures) if alone else None
             else:
                 modulus = natural_modulus(law, self.space)
             self._last_modulus = fingerprint, modulus
         return modulus
-
-    def _bilinear_form(self) -> Any:
-        """The stiffness a in UFL; something else where it is not known so."""
-        return self.forms.original[0]
 
     def _size(self) -> float:
         """The diameter of the body, length; collective."""

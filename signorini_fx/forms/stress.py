@@ -85,8 +85,10 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[Cells]) -> ElementStres
     moduli = cellwise_moduli(law, y.function_space)
     sigma = ufl.as_matrix([[full_stress[i, j] for j in range(dim)] for i in range(dim)])
     try:
-        lame = isotropic_moduli(moduli, dim, mesh)
-        shear_modulus = None if lame is None else lame[1]
+        shear_modulus = None
+        if (lame := isotropic_moduli(moduli, dim, mesh)) is not None:
+            shear_modulus = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+            shear_modulus.x.array[:] = lame[1]
         return replace(cellwise_stress(y, kinematics, sigma, outward, moduli, shear_modulus), parts=parts)
     except np.linalg.LinAlgError:
         raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
@@ -112,7 +114,7 @@ def cellwise_moduli(law: Law, space: fem.FunctionSpace) -> npt.NDArray[np.float6
 
 def isotropic_moduli(
     moduli: npt.NDArray[np.float64], dim: int, mesh: dmesh.Mesh
-) -> tuple[fem.Function, fem.Function] | None:
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
     """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell of some rank is not isotropic;
     collective.
     """
@@ -124,11 +126,7 @@ def isotropic_moduli(
     apart = np.abs(moduli - isotropic).max(initial=0.0) > NOTHING_LEFT * np.abs(moduli).max(initial=0.0)
     if parallel.any_rank(mesh.comm, bool(apart)):
         return None
-    functions = []
-    for values in (lame, mu):
-        functions.append(fem.Function(fem.functionspace(mesh, ("DG", 0))))
-        functions[-1].x.array[:] = values
-    return functions[0], functions[1]
+    return lame, mu
 
 
 def natural_modulus(law: Law, space: fem.FunctionSpace) -> float | None:
@@ -190,7 +188,7 @@ def _stiffest(moduli: npt.NDArray[np.float64], mesh: dmesh.Mesh) -> float | None
     lame = isotropic_moduli(moduli, mesh.geometry.dim, mesh)
     if lame is None:
         return None
-    first, shear = (function.x.array for function in lame)
+    first, shear = lame
     with np.errstate(divide="ignore", invalid="ignore"):
         young = shear * (3 * first + 2 * shear) / (first + shear)
     largest = float(parallel.largest(mesh.comm, young, 0.0))

@@ -262,7 +262,7 @@ class ProblemOfScene(NonlinearContactProblem):
             if self.statement.contact[number].friction.timed:
                 foundations.give_friction(number, _at_its_time(entry.friction))
         dimension = self.model.tagged.dimension
-        placed = {number: moving for number, moving in self.shapes.items() if not moving.driven}
+        placed = {number: moving for number, moving in self.shapes.items() if not moving.shape.driven}
         for number, moving in placed.items():
             if (entry := statement.contact[number]) is not self.statement.contact[number]:
                 moving.shape = fitting(number, entry.foundation, dimension)

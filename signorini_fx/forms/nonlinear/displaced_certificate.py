@@ -167,15 +167,16 @@ def certified(
     """Check equilibrium and contact conditions at a displacement; ``linear``: of the last iteration; ``tractions``:
     what the solver claims; ``before``: the end of the last step; collective.
     """
-    space, rigid = u.function_space, linear.driven_tools
+    space, tools = u.function_space, linear.moving_tools
+    rigid = [*zip(tools.motions, tools.drives(), strict=True)]
     places = u.x.array.reshape(-1, space.mesh.geometry.dim)
     if before is not None:
         points, begun = before.tractions, before.displacement.x.array.reshape(places.shape)
         x = node_positions(space)[points.nodes, : places.shape[1]].astype(np.float64)
         moved = motion_at(points, x, linear.shapes, begun)
-        tools = [(motion, -1.0) for motion, _ in rigid] + [(motion, 1.0) for motion in before.rigid]
+        signed = [(motion, -1.0) for motion in tools.motions] + [(motion, 1.0) for motion in before.rigid]
         if moved is not None:
-            for tool, sign in tools:  # beyond what they tell of the undeformed points
+            for tool, sign in signed:  # beyond what they tell of the undeformed points
                 touching = np.isin(points.part, tool.body.parts)
                 moved[touching] += sign * tool.at(x[touching])
         before = replace(before, moved=moved)

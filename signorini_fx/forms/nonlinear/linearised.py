@@ -59,7 +59,6 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
     ShapeDistances,
 )
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides, SlidingSides, turned_forces
-from signorini_fx.mechanics.rigid.rigid_bodies import Drive, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
@@ -137,7 +136,7 @@ class MovingFoundations(Foundations):
 
     def _put(self, number: int, distance: Distance) -> None:
         moving = self.shapes_of_tools[number]
-        if distance.shape.driven is not moving.driven:
+        if distance.shape.driven is not moving.shape.driven:
             raise FormError([(f"contact[{number}].shape", "forces move it, or they do not: that cannot change")])
         moving.shape = fitting(number, distance.shape, self._dimension, turns=moving.turns)
 
@@ -234,14 +233,14 @@ class LinearisedProblem(FormSolver):
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        at, self.stated, self._tangents = evaluated.u, contact, tangents
+        at, self.stated = evaluated.u, contact
         self._at, increment = at, fem.Function(at.function_space)
         self.shapes = dict[int, MovingShape]()
         self._gaps = {k: entry.gap for k, entry in enumerate(contact) if entry.shape is not None}
         seen = [entry if entry.shape is None else self._seen(k, entry) for k, entry in enumerate(contact)]
         forms, increment = given_forms(tangents.leading, evaluated.form, seen, increment, boundaries=boundaries)
         super().__init__(
-            forms,
+            replace(forms, original=(tangents.bilinear, evaluated.form)),
             increment,
             conditions_of(bcs, forms.space),
             settings_of(settings),
@@ -258,9 +257,6 @@ class LinearisedProblem(FormSolver):
         foundations.at, foundations.sliding, foundations.shapes_of_tools = at, {}, self.shapes
         foundations._undeformed = {}
         foundations.check_driven()
-
-    def _bilinear_form(self) -> Any:
-        return self._tangents.bilinear
 
     def _seen(self, number: int, entry: Any) -> Any:
         """A foundation with a shape as the linearised problem has it: a gap and a direction."""
@@ -309,20 +305,9 @@ class LinearisedProblem(FormSolver):
         return self.foundations.sliding
 
     @property
-    def _one_body(self) -> bool:
-        """Whether no contact is one of two bodies."""
-        return all(entry.against is None for entry in self.contact)
-
-    @property
     def reached(self) -> Array:
         """The coordinates of tools in the last outcome, lengths, shape (k,), see ``MovingTools``."""
         return self.rigid.unknowns(self.tools)
-
-    @property
-    def driven_tools(self) -> list[tuple[RigidBodyMotion, Drive]]:
-        """Where tools are, and what drives them."""
-        tools = self.moving_tools
-        return [*zip(tools.motions, tools.drives(), strict=True)]
 
     def slide(self) -> None:
         """Renew the maps of pairs at the displacement of now; collective."""
@@ -409,7 +394,7 @@ class LinearisedProblem(FormSolver):
                 beside["eliminated"] = self.task.system.schur
         if self.relative is not None and len(self.relative) == boundary.size:
             beside["relative"] = self.relative
-        if self._one_body and definite:
+        if definite:
             beside["far"] = self._retained.far_points(boundary, self._state, self.shapes, self.prescribed)
         try:
             points = boundary if self.contact else None

@@ -80,15 +80,11 @@ class MovingShape:
         self.translation, self.pivot, self.turn = np.zeros(dim), np.zeros(dim), np.zeros(3 if dim == 3 else 1)
 
     @property
-    def driven(self) -> bool:
-        """Whether its motion is an unknown."""
-        return self.shape.driven
-
-    @property
     def as_given(self) -> Shape:
         """The shape without what forces have moved it by."""
-        home = {"shift": self._home.shift, "rotation": self._home.rotation} if self.driven else {}
-        return self.shape.model_copy(update=home) if self.driven else self.shape
+        if not self.shape.driven:
+            return self.shape
+        return self.shape.model_copy(update={"shift": self._home.shift, "rotation": self._home.rotation})
 
     def carry_to(self, translation: Array, turn: Array, pivot: Array) -> None:
         """Put a shape that forces move at this translation of the pivot of its rigid body, and turn about that."""
@@ -102,24 +98,18 @@ class MovingShape:
             update["rotation"] = turned_further(home.angles(), turn, self.shape.angles())
         self.shape = self.shape.model_copy(update=update)
 
-    def rigid_motion(self, x: Array) -> Array:
-        """How far forces have moved points of it that are given at x, length, shape (n, d)."""
-        return rigid_motion(x, self.translation, self.turn, self.pivot)
-
-    def spun(self, places: Array) -> Array:
-        """The translation, and the turn as if it were a small one about the pivot of now, at points, shape (n, d).
-
-        With these the displacement relative to the shape is linear in all unknowns.
-        """
-        return self.translation + across_arms(self.turn, places - self.pivot - self.translation)
-
     def projected_onto(self, u: Array, *, linear: bool = True) -> tuple[Array, Array]:
         """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors, shape (n, d), at nodes
-        displaced by u, shape (n, d); of a shape that forces move the turn is taken to be a small one, if ``linear``.
+        displaced by u, shape (n, d); of a shape that forces move the turn is taken to be a small one about the pivot of
+        now, if ``linear``: then the displacement relative to it is linear in all unknowns.
         """
-        signed, normal = self.shape.distance(self.x + u)
-        relative = u - (self.spun(self.x + u) if linear else self.rigid_motion(self.x))
-        return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, relative)), -normal
+        places = self.x + u
+        signed, normal = self.shape.distance(places)
+        if linear:
+            moved = self.translation + across_arms(self.turn, places - self.pivot - self.translation)
+        else:
+            moved = rigid_motion(self.x, self.translation, self.turn, self.pivot)
+        return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, u - moved)), -normal
 
     def curvature(self, places: Array, size: float) -> Array:
         """The second derivatives of the distance, 1 / length, shape (n, d, d), by central differences of the normal

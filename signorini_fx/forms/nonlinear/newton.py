@@ -28,7 +28,6 @@ from signorini_fx.forms.nonlinear.results import SolvedBody
 from signorini_fx.forms.nonlinear.stability import Stability
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
@@ -150,10 +149,6 @@ class EquilibriumSolver:
         farthest = float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
         loose = linear.scales.coordinate_error / NO_FORCE if linear.loose else 0.0
         return max(SAME_NUMBER * linear.extent, UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest, loose)
-
-    @cached_property
-    def _cells(self) -> BodyCells:
-        return BodyCells.of(self.linear.space, self.linear.space.mesh.geometry.dim)
 
     def begin_path(self, *, several: bool) -> None:
         """Forget how long solves took, and a first step that had no solution; ``several``: whether there may be more
@@ -330,7 +325,7 @@ class EquilibriumSolver:
         """Whether F is affine in the displacement, without a state, and contact is that of the undeformed body."""
         linear = self.linear
         follows = linear.shapes or linear.pairs or linear.moving_tools.coordinates.size
-        return not follows and self.residual.update is None and self.tangents.affine
+        return not follows and self.residual.update is None and self.tangents.bilinear is not None
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends whose linear contact problem has no solution, which proves little of the body itself."""
@@ -367,10 +362,10 @@ class EquilibriumSolver:
         if residual is None:
             return Status.INVERTED
         assert self.last is not None
-        self._detail = overlap(self.u, self._cells, linear.shapes, self.last)
+        self._detail = overlap(self.u, linear.foundations.cells, linear.shapes, self.last)
         if self._detail:
             return Status.INSIDE
-        self._detail = overlap_of_bodies(self.u, self._cells, linear.pairs, self.last)
+        self._detail = overlap_of_bodies(self.u, linear.foundations.cells, linear.pairs, self.last)
         if self._detail:
             return Status.PASSED
         try:

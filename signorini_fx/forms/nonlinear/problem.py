@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -38,9 +38,6 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.result_findings import loose_in
-
-if TYPE_CHECKING:
-    from signorini_fx.results.accuracy.error_estimates import Errors
 
 # Iterations of Newton's method, unless it is said otherwise.
 MOST_ITERATIONS = 30
@@ -240,23 +237,11 @@ class NonlinearContactProblem(ProblemOfForms):
         body: Any = solution.model  # its residual says all of it
         return replace(solution, model=replace(body, stress_error=error))
 
-    @property
-    def errors(self) -> Errors:
-        """Estimated errors of the last solution: of the stress, the contact pressure and the contact force, relative;
-        collective.
-
-        Raises:
-            RuntimeError: there is no solution so far, or no stress in it.
-            FormError: there is no contact.
-        """
-        from signorini_fx.results.accuracy.error_estimates import combined
-
-        if not self.contact:
-            raise FormError([("contact", "there is none, and no error of its pressure")])
+    def _errors_in_body(self) -> tuple[Any, ...]:
         solution = self.solution
         if isinstance(shares := solution.error_shares, str):
             raise RuntimeError(shares)
-        return combined(solution.model, solution.table, shares, 0.5)
+        return solution.model, solution.table, shares, 0.5
 
     @property
     def _steps(self) -> list[StepResult]:

@@ -116,11 +116,6 @@ class Tangents:
         """The one that leads Newton's method; collective."""
         return self._compiled(self._J) if self.given else self.derivative
 
-    @property
-    def affine(self) -> bool:
-        """Whether the tangent of Newton's method is the derivative of F, and the same at all displacements."""
-        return self.bilinear is not None
-
     @cached_property
     def bilinear(self) -> Any:
         """F' in UFL where it is the same at all displacements; else, and where there is one of the user's, None."""

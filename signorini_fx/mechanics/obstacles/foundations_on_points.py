@@ -391,7 +391,7 @@ class Foundations:
         return adjusted_gap, given
 
     @cached_property
-    def _cells(self) -> BodyCells:
+    def cells(self) -> BodyCells:
         """The cells of the body."""
         return BodyCells.of(self._space, self._space.mesh.geometry.dim)
 
@@ -407,7 +407,7 @@ class Foundations:
                     "reverse the order of the points of a line, which has the body on its left"
                 )
                 raise FormError([(f"contact[{number}]", message)])
-        if (swallowed := self._cells.swallowed(distance.shape)) is not None:
+        if (swallowed := self.cells.swallowed(distance.shape)) is not None:
             at = ", ".join(f"{c:.4g}" for c in swallowed.at)
             message = (
                 f"the foundation lies inside the body, at ({at}), where its contact boundary does not see it: begin "
