@@ -11,7 +11,6 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
@@ -19,7 +18,6 @@ from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.tuned import NOTHING_LEFT
@@ -67,18 +65,6 @@ def elastic_body(
         raise FormError([("algorithm", message) for _, message in error.problems]) from None
     check_energy(stiffness, fixed.size, definite=body.definite, symmetric=body.symmetric)
     return body
-
-
-def case_of(elastic: ElasticBody, forces: Array, values: Array, driven: Driven | None) -> LoadCase:
-    """The right-hand side of the forces L, shape (owned dofs,), of prescribed displacements, ghosts included, shape
-    (dofs,), and of what drives rigid bodies; collective.
-    """
-    function = fem.Function(elastic.space)
-    function.x.array[:] = values
-    for name, entries in (("bcs", values), ("L", forces)):
-        if parallel.any_rank(elastic.comm, not np.isfinite(entries).all()):
-            raise FormError([(name, "is not finite somewhere")])
-    return elastic.case(forces, function, driven)
 
 
 NOT_FINITE = "its matrix is not finite: check its coefficients"

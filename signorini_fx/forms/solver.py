@@ -22,7 +22,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import Array, case_of, digest, elastic_body, scales_of
+from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
 from signorini_fx.forms.given_forms import GivenForms, NamedParts, conditions_of, named_parts
 from signorini_fx.forms.mechanics_of_forms import FormBody
 from signorini_fx.forms.stress import modulus_of_energy, natural_modulus
@@ -308,7 +308,13 @@ class FormSolver:
         return diameter_of(self.space.mesh)
 
     def _case(self, values: Array) -> LoadCase:
-        return case_of(self.elastic, self._forces(), values, self.rigid.driven_together)
+        """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,); collective."""
+        forces, function = self._forces(), fem.Function(self.space)
+        function.x.array[:] = values
+        for name, entries in (("bcs", values), ("L", forces)):
+            if parallel.any_rank(self.space.mesh.comm, not np.isfinite(entries).all()):
+                raise FormError([(name, "is not finite somewhere")])
+        return self.elastic.case(forces, function, self.rigid.driven_together)
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         points = boundary if self.contact else None
