@@ -25,6 +25,7 @@ from signorini_fx.records import History, Status
 from signorini_fx.results.certificate.certificate import Certificate
 
 if TYPE_CHECKING:
+    from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
     from signorini_fx.quantities.differentiable import Gradient
     from signorini_fx.results.accuracy.error_estimates import Errors
     from signorini_fx.results.mechanics import StepResult
@@ -37,14 +38,13 @@ class ProblemOfForms:
     """A problem with the results of a ``Solution``."""
 
     assembled: FormSolver
+    _ended: FormSolver | EquilibriumSolver  # what knows how the last solve has ended
 
     def __repr__(self) -> str:
         dofmap = self.assembled.space.dofmap
         unknowns = dofmap.index_map.size_global * dofmap.index_map_bs
-        status = self.assembled.status
-        return (
-            f"<{type(self).__name__}: {unknowns} unknowns, {'not solved so far' if status is None else status.value}>"
-        )
+        ended = "not solved so far" if self.status is None else self.status.value
+        return f"<{type(self).__name__}: {unknowns} unknowns, {ended}>"
 
     @property
     def bcs(self) -> Any:
@@ -54,6 +54,18 @@ class ProblemOfForms:
     @bcs.setter
     def bcs(self, bcs: Any) -> None:
         self.assembled.bcs = bcs
+
+    @property
+    def status(self) -> Status | None:
+        """How the last solve ended; None before the first one, and after an error."""
+        return self._ended.status
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """The check of the last solution against the conditions of the problem, of a nonlinear body against F and the
+        shapes; None before the first solve.
+        """
+        return self._ended.certificate
 
     @property
     def history(self) -> History:
@@ -222,7 +234,7 @@ class ContactProblem(ProblemOfForms):
             jit_options=jit_options,
         )
         options_of_petsc = petsc_options_prefix, dict(petsc_options or {})
-        self.assembled = FormSolver(
+        self.assembled = self._ended = FormSolver(
             forms, self.u, conditions_of(bcs, forms.space), settings_of(settings), options_of_petsc
         )
         fields = self.assembled.fields
@@ -234,16 +246,6 @@ class ContactProblem(ProblemOfForms):
     def contact(self) -> tuple[Foundation | Pair, ...]:
         """The foundations and pairs."""
         return self.assembled.forms.contact
-
-    @property
-    def status(self) -> Status | None:
-        """How the last solve ended; None before the first one."""
-        return self.assembled.status
-
-    @property
-    def certificate(self) -> Certificate | None:
-        """The check of the last solution against the conditions of the problem; None before the first solve."""
-        return self.assembled.certificate
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

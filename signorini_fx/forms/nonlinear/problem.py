@@ -34,7 +34,6 @@ from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.differentiable import Gradient
 from signorini_fx.records import Finding, Status
-from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.result_findings import loose_in
@@ -201,18 +200,8 @@ class NonlinearContactProblem(ProblemOfForms):
         self.shapes, fields = self.linear.shapes, self.linear.fields
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         actions = commit or (lambda: None), max_newton, stability
-        self._solver = EquilibriumSolver(self.linear, residual, tangents, *actions)
+        self._solver = self._ended = EquilibriumSolver(self.linear, residual, tangents, *actions)
         self._ran: Continuation | None = None  # the last ``run``, until the next solve
-
-    @property
-    def status(self) -> Status | None:
-        """How the last solve ended; None before the first one, and after an error."""
-        return self._solver.status
-
-    @property
-    def certificate(self) -> Certificate | None:
-        """The check of the last solution against F and the shapes; None before the first solve."""
-        return self._solver.certificate
 
     @property
     def iterations(self) -> int:
