@@ -82,7 +82,6 @@ class FormSolver:
         begun: where the last solve began.
         previous_step: the end of the last step, as the present foundations see it; None: there is none.
         outcome: how the last solve ended; None: what has been assembled since is another problem.
-        solves_before: the number of linear solves before the last solve or run.
         coarser, coarser_state: levels of multigrid, and the contact state of a coarser mesh; None: there is none.
         folders: with the load steps of its runs.
     """
@@ -114,7 +113,6 @@ class FormSolver:
         self.foundations.check_driven()
         self.fields = ContactFields.on(space)
         self.history, self.timings = History(), Timings()
-        self.solves_before = 0
         self.status: Status | None = None
         self.certificate: Certificate | None = None
         self.result: StepResult | None = None
@@ -147,11 +145,11 @@ class FormSolver:
         Returns:
             Why there is no solution, and what to do; "": there is one.
         """
-        self.solves_before, self.timings = len(self.history.iterations), Timings()
+        solves_before, self.timings = len(self.history.iterations), Timings()
         with options_applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
             outcome = self._outcome_of_now()
-            self.show(outcome, self._judged(outcome))
+            self.show(outcome, self._judged(outcome, solves_before))
         status = self.status
         if status is None or status is Status.CONVERGED:
             return ""
@@ -336,12 +334,12 @@ class FormSolver:
         """What the matrix is made of beside ``a`` and ``bcs``."""
         return ()
 
-    def _judged(self, outcome: Outcome) -> StepResult | None:
+    def _judged(self, outcome: Outcome, solves_before: int) -> StepResult | None:
         """The last solve as the last step of a loop of the user's own; None: its owner certifies it; collective."""
         number, last = self.begun.step, self.previous_step
         begun = self.task, replace(self.begun, place=float(number)), last
         result = certified_result(self.model(), counted_path(number), begun, outcome)
-        return replace(result, linear_solves=len(self.history.iterations) - self.solves_before)
+        return replace(result, linear_solves=len(self.history.iterations) - solves_before)
 
     def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Gap, friction and regularisation at the contact points, as they are now; collective."""

@@ -80,7 +80,6 @@ def solve_path(
 ) -> StepProgress:
     """Solve the load steps of a path, which the solver is left at the last of; collective."""
     solver.timings = Timings()
-    solver.solves_before = len(solver.history.iterations)
     increments = Increments(path, solver.settings)
     with options_applied(*solver.options):
         clock(path.time_at(increments.next))

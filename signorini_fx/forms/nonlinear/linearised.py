@@ -454,7 +454,7 @@ class LinearisedProblem(FormSolver):
     def _spin(self, boundary: ContactBoundary) -> Array | None:
         return spin_at(boundary, {**self.shapes, **self.pairs})
 
-    def _judged(self, outcome: Outcome) -> None:
+    def _judged(self, outcome: Outcome, solves_before: int) -> None:
         """None: the solution of the nonlinear problem gets one."""
         return None
 
