@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+import math
 from collections.abc import Iterator
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
 
+from signorini_fx.addons.bounds.simplices import Array
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.effects.contact import Contact, UnilateralContact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
@@ -16,7 +20,7 @@ from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.expressions import Expression, jumps
 from signorini_fx.quantities.proved_statements import Refused
 
 # What a guaranteed bound is for; what else a scene has is named behind it.
@@ -44,15 +48,74 @@ def refuse_unknown(model: Model) -> None:
 
 def _is_polynomial(value: Any, degree: int) -> bool:
     """Whether a value of a scene is a polynomial of the position of a degree at most."""
-    return isinstance(value, float) or (isinstance(value, Expression) and value.is_smooth and value.degree <= degree)
+    if isinstance(value, Expression):
+        return not _switches(value.tree) and _degree(value.tree) <= degree
+    return isinstance(value, float)
 
 
 def _is_linear_between(*values: Any) -> bool:
-    """Whether a product is linear between known places where it jumps or has a kink, which may be at nodes."""
-    expressions = [value for value in values if isinstance(value, Expression)]
+    """Whether a product is linear between known places where it jumps or has a kink, which may be at nodes: there its
+    switches, which do not jump themselves, are zero.
+    """
     if not all(isinstance(value, float | Expression) for value in values):
         return False
-    return all(value.cuts_exactly for value in expressions) and sum(value.degree for value in expressions) <= 1
+    trees = [value.tree for value in values if isinstance(value, Expression)]
+    switches = [node for tree in trees for node in _switches(tree)]
+    return all(_degree(node) <= 1 and not jumps(node) for node in switches) and sum(map(_degree, trees)) <= 1
+
+
+def switches(value: Expression, x: Array) -> Array:
+    """What changes its sign where a function may jump or have a kink, those inside others first, shape (k, n).
+
+    Comparisons give the difference of both sides; ``abs``, ``sign``, ``sqrt`` and powers their argument, ``min`` and
+    ``max`` the differences of theirs.
+
+    Args:
+        value: the function.
+        x: points, shape (3, n).
+    """
+    return np.array([value.of_part(node, x) for node in _switches(value.tree)]).reshape(-1, x.shape[1])
+
+
+def _switches(node: ast.expr) -> list[ast.expr]:
+    """The parts of a tree whose sign decides how it goes on, inner ones first."""
+    found = [part for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr) for part in _switches(child)]
+    match node:
+        case ast.Compare(left=left, comparators=comparators):
+            found += [ast.BinOp(one, ast.Sub(), other) for one, other in pairwise((left, *comparators))]
+        case ast.Call(func=ast.Name(id="abs" | "sign" | "sqrt"), args=[argument]):
+            found.append(argument)
+        case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
+            found += [ast.BinOp(one, ast.Sub(), other) for one, other in combinations(arguments, 2)]
+        case ast.BinOp(left=left, op=ast.Pow(), right=right) if not isinstance(right, ast.Constant) or right.value % 1:
+            found.append(left)
+    return found
+
+
+def _degree(node: ast.expr) -> float:
+    """Degree of the polynomials between the switches; infinite where there are none; 0 of a condition."""
+    degrees = [_degree(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+    match node:
+        case ast.Subscript():
+            return 1.0
+        case ast.Compare() | ast.Call(func=ast.Name(id="sign")):
+            return 0.0
+        case ast.BinOp(op=ast.Mult()):
+            return sum(degrees)
+        case ast.BinOp(op=ast.Div()) if degrees[1] == 0:
+            return degrees[0]
+        case ast.BinOp(op=ast.Pow(), right=ast.Constant(value=int() | float() as power)) if (
+            power >= 0 and power % 1 == 0
+        ):
+            return degrees[0] * power if power else 0.0
+        case (
+            ast.UnaryOp()
+            | ast.IfExp()
+            | ast.BinOp(op=ast.Add() | ast.Sub())
+            | ast.Call(func=ast.Name(id="abs" | "min" | "max" | "where"))
+        ):
+            return max(degrees)
+    return 0.0 if max(degrees, default=0.0) == 0 else math.inf
 
 
 def _unbounded(model: Model) -> Iterator[str]:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.addons.bounds.bounded_scene import factors_of, refused
+from signorini_fx.addons.bounds.bounded_scene import factors_of, refused, switches
 from signorini_fx.addons.bounds.simplices import COLUMNS, EDGES, EDGES_OF_FACET, ROWS, Array, Ints
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
@@ -294,9 +294,9 @@ def _refuse_jumps(value: Any, x: Array, label: str) -> None:
     """Refuse a value with a jump or a kink inside a simplex, given by its corners, shape (m, k, d)."""
     if not isinstance(value, Expression) or not x.size:
         return
-    switches = value.switches(in_space(x.reshape(-1, x.shape[2]))).reshape(-1, *x.shape[:2])
-    tiny = SAME_LENGTH * np.abs(switches).max(axis=(1, 2), initial=0.0)[:, None]
-    if ((switches.min(axis=2) < -tiny) & (switches.max(axis=2) > tiny)).any():
+    at_corners = switches(value, in_space(x.reshape(-1, x.shape[2]))).reshape(-1, *x.shape[:2])
+    tiny = SAME_LENGTH * np.abs(at_corners).max(axis=(1, 2), initial=0.0)[:, None]
+    if ((at_corners.min(axis=2) < -tiny) & (at_corners.max(axis=2) > tiny)).any():
         raise refused(f"a {label} that jumps or has a kink between nodes")
 
 

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
-from itertools import combinations, pairwise
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -182,58 +182,11 @@ class _Evaluator:
         return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
 
 
-def _switches(node: ast.expr) -> list[tuple[ast.expr, ...]]:
-    """The numbers, or pairs of them, whose sign or difference decides how an expression goes on, inner ones first."""
-    switches = [
-        pair for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr) for pair in _switches(child)
-    ]
-    match node:
-        case ast.Compare(left=left, comparators=comparators):
-            switches += pairwise((left, *comparators))
-        case ast.Call(func=ast.Name(id="abs" | "sign" | "sqrt"), args=[argument]):
-            switches.append((argument,))
-        case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
-            switches += combinations(arguments, 2)
-        case ast.BinOp(left=left, op=ast.Pow(), right=right) if not isinstance(right, ast.Constant) or right.value % 1:
-            switches.append((left,))
-    return switches
-
-
-def _jumps(node: ast.expr) -> bool:
-    """Whether a number may jump: it compares others, or takes their sign."""
+def jumps(node: ast.expr) -> bool:
+    """Whether a number in a tree may jump: it compares others, or takes their sign."""
     return any(
         isinstance(part, ast.Compare) or (isinstance(part, ast.Name) and part.id == "sign") for part in ast.walk(node)
     )
-
-
-def _degree(node: ast.expr) -> float:
-    """Degree of the polynomials between the switches; infinite where there are none."""
-    match node:
-        case ast.Subscript():
-            return 1.0
-        case (
-            ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand) | ast.Call(func=ast.Name(id="abs"), args=[operand])
-        ):
-            return _degree(operand)
-        case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
-            return max(_degree(left), _degree(right))
-        case ast.BinOp(left=left, op=ast.Mult(), right=right):
-            return _degree(left) + _degree(right)
-        case ast.BinOp(left=left, op=ast.Div(), right=right):
-            return _degree(left) if _degree(right) == 0 else math.inf
-        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int() | float() as power)) if (
-            power >= 0 and power % 1 == 0
-        ):
-            return _degree(left) * power if power else 0.0
-        case ast.IfExp(body=body, orelse=orelse) | ast.Call(func=ast.Name(id="where"), args=[_, body, orelse]):
-            return max(_degree(body), _degree(orelse))
-        case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
-            return max(map(_degree, arguments))
-        case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            return 0.0 if _degree(left) == _degree(right) == 0 else math.inf
-        case ast.Call(func=ast.Name(id=name), args=[argument]) if name != "sign":
-            return 0.0 if _degree(argument) == 0 else math.inf
-    return 0.0  # a number, a condition, or a sign
 
 
 @dataclass(frozen=True)
@@ -256,7 +209,7 @@ class Expression:
     def __post_init__(self) -> None:
         try:
             with np.errstate(all="ignore"):
-                _Evaluator(_NUMPY, np.zeros((3, 1)), self._present_time).value(self._tree)
+                _Evaluator(_NUMPY, np.zeros((3, 1)), self._present_time).value(self.tree)
             if self.timed and not self.allows_time:
                 raise ValueError("t, the time, is for loads, prescribed displacements, gaps and friction")
         except SyntaxError as error:
@@ -265,13 +218,14 @@ class Expression:
             raise ValueError(f"{self.text!r}: {str(error) or 'nested too deeply'}. {_ALLOWED}") from None
 
     @cached_property
-    def _tree(self) -> ast.expr:
+    def tree(self) -> ast.expr:
+        """What Python has parsed."""
         return ast.parse(self.text.strip(), mode="eval").body
 
     @cached_property
     def timed(self) -> bool:
         """Whether it depends on the time t."""
-        return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree))
+        return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self.tree))
 
     def at_time(self, time: float) -> Self:
         """The same function at a time."""
@@ -282,60 +236,27 @@ class Expression:
     @property
     def coordinates(self) -> int:
         """How many coordinates a point must have: the largest i of the x[i] in it, plus one; 0 if there is none."""
-        nodes = [node.slice for node in ast.walk(self._tree) if isinstance(node, ast.Subscript)]
+        nodes = [node.slice for node in ast.walk(self.tree) if isinstance(node, ast.Subscript)]
         return max((int(node.value) + 1 for node in nodes if isinstance(node, ast.Constant)), default=0)
 
     def __call__(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Values at points ``x`` of shape (dim or 3, n), shape (n,); inf or nan where it is not defined."""
+        return self.of_part(self.tree, x)
+
+    def of_part(self, node: ast.expr, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Values of a part of its tree, as of all of it."""
         with np.errstate(all="ignore"):
-            value = _Evaluator(_NUMPY, x, self._present_time).value(self._tree)
+            value = _Evaluator(_NUMPY, x, self._present_time).value(node)
         return np.broadcast_to(np.asarray(value, dtype=float), x.shape[1:]).copy()
-
-    def switches(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """What changes its sign where the function may jump or have a kink, those inside others first, shape (k, n).
-
-        Comparisons give the difference of both sides; ``abs``, ``sign``, ``sqrt`` and powers their argument, ``min``
-        and ``max`` the differences of theirs.
-
-        Args:
-            x: points, shape (dim or 3, n).
-        """
-        evaluator, rows = _Evaluator(_NUMPY, x, self._present_time), np.empty((len(self._switches), x.shape[1]))
-        with np.errstate(all="ignore"):
-            for row, nodes in zip(rows, self._switches, strict=True):
-                first, *second = (np.asarray(evaluator.value(node), dtype=float) for node in nodes)
-                row[:] = first - second[0] if second else first
-        return rows
-
-    @cached_property
-    def _switches(self) -> list[tuple[ast.expr, ...]]:
-        return _switches(self._tree)
 
     @property
     def _present_time(self) -> Any:
         return np.float64(math.nan if self.time is None else self.time)
 
-    @cached_property
+    @property
     def jumps(self) -> bool:
-        """Whether it may jump: it compares numbers, or takes their sign."""
-        return _jumps(self._tree)
-
-    @property
-    def degree(self) -> float:
-        """Of the polynomials that it consists of between its ``switches``; infinite: it does not consist of such."""
-        return _degree(self._tree)
-
-    @property
-    def is_smooth(self) -> bool:
-        """Whether it has no ``switches``."""
-        return not self._switches
-
-    @property
-    def cuts_exactly(self) -> bool:
-        """Whether all of its ``switches`` are affine and do not jump themselves, so that the places are known where it
-        jumps or has a kink.
-        """
-        return all(_degree(node) <= 1 and not _jumps(node) for pair in self._switches for node in pair)
+        """Whether it may jump."""
+        return jumps(self.tree)
 
     def ufl(self, mesh: Any, time: Any = None) -> Any:
         """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant`` for t if it is
@@ -345,7 +266,7 @@ class Expression:
 
         algebra = _ufl_algebra(mesh)
         instant = algebra.number(float(self._present_time)) if time is None else time
-        value = _Evaluator(algebra, ufl.SpatialCoordinate(mesh), instant).value(self._tree)
+        value = _Evaluator(algebra, ufl.SpatialCoordinate(mesh), instant).value(self.tree)
         return ufl.conditional(value, 1.0, 0.0) if algebra.is_condition(value) else ufl.as_ufl(value)
 
 
