@@ -17,6 +17,7 @@ from typing import Annotated, Any, Self, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ValidationError, model_validator
 
+from signorini_fx.errors import FormError
 from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Entries, Load, OneEntry, described, keys, with_every_effect
@@ -216,13 +217,14 @@ class Scene(Table):
             ]
             yield (), f"the lists of factors differ in length: {', '.join(counts)}"
             return  # how many load steps there are is not known
-        for name in ("names", "times"):
-            entries = getattr(self.load_steps, name)
-            if entries is not None and len(entries) != stated.steps:
-                wanted = f"one for each of {stated.steps} factors is expected"
-                yield ("load_steps", name), f"has {len(entries)} entries, {wanted}"
-        if stated.grows_from_nothing and stated.time_at(0) <= 0:
-            yield ("load_steps", "times"), "must be positive: without factors the loads begin to grow at time 0"
+        if (times := self.load_steps.times) is not None and len(times) != stated.steps:
+            wanted = f"one for each of {stated.steps} factors is expected"
+            yield ("load_steps", "times"), f"has {len(times)} entries, {wanted}"
+            return
+        try:
+            _ = stated.path  # it checks its times and names
+        except FormError as error:
+            yield from ((("load_steps", key), reason) for key, reason in error.problems)
 
     @classmethod
     def described(cls) -> type[BaseModel]:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, isfinite, log10
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.base import Table
@@ -37,12 +37,6 @@ class LoadSteps(Table):
     steps: Count | None = None
     names: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     times: Annotated[tuple[Finite, ...], Field(min_length=1)] | None = None
-
-    @model_validator(mode="after")
-    def _increasing(self) -> Self:
-        if self.times is not None and (np.diff(self.times) <= 0).any():
-            raise ValueError(f"times must increase, got {list(self.times)}")
-        return self
 
 
 def factor_at(factors: Sequence[float], step: float) -> float:
