@@ -1,8 +1,7 @@
 """Which files in a folder are results: those that the folder's manifest lists; nothing else is replaced or removed.
 
-The manifest is a text file in the folder, one path a line.  A path that ends with a slash is a folder that the same run
-fills, with a manifest of its own.  Runs write no symbolic links, so that no link is a result.  What is not complete yet
-stands in a hidden folder.
+The manifest is a text file in the folder, one path a line.  Runs write no symbolic links, so that no link is a result.
+What is not complete yet stands in a hidden folder, which is listed where it is in an inner one.
 """
 
 from __future__ import annotations
@@ -45,34 +44,11 @@ def remove_part(folder: Path) -> None:
     shutil.rmtree(folder / PART, ignore_errors=True)
 
 
-def begin_inner(folder: Path, name: str) -> None:
-    """Make a folder that belongs to the run that fills the folder above it, and list it there; what is there already is
-    not ``foreign``.
-
-    Raises:
-        OSError: the manifest cannot be written.
-    """
-    add(folder, [f"{name}/"])
-    (folder / name).mkdir(exist_ok=True)
-
-
-def is_inner(folder: Path) -> bool:
-    """Whether a folder belongs to the run that fills the folder above it."""
-    return f"{folder.name}/" in _lines(folder.absolute().parent)
-
-
 def ours(folder: Path) -> set[str]:
-    """The files in a folder that its manifest lists, with those of inner folders of the same run, as paths in it."""
-    if not folder.is_dir():
-        return set()
+    """The files in a folder that its manifest lists, as paths in it."""
     # What a manifest says of places outside, also by way of links, does not count.
     listed = {name for name in _lines(folder) if _within(folder, name)}
-    folders = {name.rstrip("/") for name in listed if name.endswith("/")}
-    inner = {name for name in folders if not (folder / name).is_symlink()}
-    of_the_manifest = {name for name in (MANIFEST, _NEW) if (folder / name).is_file()}
-    return {name for name in listed if not name.endswith("/")}.union(
-        of_the_manifest, *({f"{name}/{file}" for file in ours(folder / name)} for name in inner)
-    )
+    return listed.union(name for name in (MANIFEST, _NEW) if (folder / name).is_file())
 
 
 def foreign(folder: Path, names: Iterable[str]) -> list[str]:
@@ -88,20 +64,21 @@ def foreign(folder: Path, names: Iterable[str]) -> list[str]:
     return unlisted
 
 
-def remove(folder: Path) -> None:
-    """Remove everything that is listed, and the folders in it that are empty then; the manifest stays.
+def remove(folder: Path, inner: str = "") -> None:
+    """Remove everything that is listed, and the folders in it that are empty then; the manifest stays; ``inner``: how
+    the paths of what is removed begin.
 
     Raises:
         OSError: something cannot be removed.
     """
-    names = ours(folder) - {MANIFEST}
-    # Manifests go last, so that the next run can go on if this one is interrupted.
-    for name in sorted(names, key=lambda name: name.endswith(MANIFEST)):
+    for name in ours(folder) - {MANIFEST}:
         file = folder / name
-        if not file.is_symlink() and not file.is_dir():
-            file.unlink(missing_ok=True)
-        if file.name == MANIFEST:  # of an inner folder
+        if not name.startswith(inner):
+            continue
+        if file.name == PART:
             remove_part(file.parent)
+        elif not file.is_symlink() and not file.is_dir():
+            file.unlink(missing_ok=True)
         _remove_empty(file.parent, folder)
 
 

@@ -138,8 +138,6 @@ class ResultFolder:
     def _claim(self) -> None:
         try:
             self._made = not self.path.exists()
-            if manifest.is_inner(self.path):
-                raise OutputError(f"{self.path}: belongs to the run into {self.path.parent}/: choose another folder")
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
             _lock(self._lock)

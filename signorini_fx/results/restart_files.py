@@ -145,7 +145,8 @@ class Checkpoint:
                 (part / _FIGURES).write_text(json.dumps(figures), encoding="utf-8")
                 target = self._folder(level, step)
                 shutil.rmtree(target, ignore_errors=True)
-                manifest.add(self.path, [f"{target.name}/{name}" for name in manifest.files(part)])
+                stored = [f"{CHECKPOINT}/{target.name}/{name}" for name in manifest.files(part)]
+                manifest.add(self.path.parent, stored)
                 part.rename(target)
             except OSError as reason:
                 raise cannot_be_written(self.path, reason) from None
@@ -169,11 +170,10 @@ class Checkpoint:
         def make() -> None:
             try:
                 if not self._begun:
-                    if self.path.is_dir():
-                        manifest.remove(self.path)
-                    self.path.parent.mkdir(parents=True, exist_ok=True)
-                    manifest.begin_inner(self.path.parent, self.path.name)
-                    manifest.add(self.path, [_SCENE], alone=True)
+                    manifest.remove(self.path.parent, f"{CHECKPOINT}/")
+                    self.path.mkdir(parents=True, exist_ok=True)
+                    inner = [f"{CHECKPOINT}/{name}" for name in (_SCENE, manifest.PART)]
+                    manifest.add(self.path.parent, inner)
                     description = {"format": _FORMAT, "scene": _described(self._scene)}
                     (self.path / _SCENE).write_text(json.dumps(description), encoding="utf-8")
                 manifest.begin_part(self.path)

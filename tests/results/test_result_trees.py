@@ -57,11 +57,6 @@ def every(root):
     return found
 
 
-def lines(file):
-    """The lines of a file; none if there is no such file."""
-    return file.read_text().splitlines() if file.is_file() and not file.is_symlink() else []
-
-
 class Tree:
     """A tree of folders that remembers which folder's run has written each file."""
 
@@ -79,13 +74,11 @@ class Tree:
             refused = True
         after = every(self.root)
         lost = {path for path in before if after.get(path) != before[path]}
-        # The report of an intermediate result goes with it.
-        owner = folder.parent if f"{folder.name}/" in lines(folder.parent / manifest.MANIFEST) else folder
-        assert {path for path in lost if self.writer.get(path) != owner} == set()
+        assert {path for path in lost if self.writer.get(path) != folder} == set()
         if refused:
             assert {path for path in lost if path.name != manifest.MANIFEST} == set()
         self.writer = {path: self.writer.get(path) for path in after}
-        self.writer.update({path: owner for path in after if path not in before or path in lost})
+        self.writer.update({path: folder for path in after if path not in before or path in lost})
         return refused
 
     def grow(self, folder, depth):

@@ -90,7 +90,7 @@ def left_alone(older, folder):
     same = all((folder / path.name).read_bytes() == path.read_bytes() for path in kept)
     lines, older_lines = (set((place / MANIFEST).read_text().split("\n")) for place in (folder, older))
     # The manifest lists what the interrupted run has made, so that the next one may remove it.
-    listed = {f"{name}/" for name in added} <= lines and older_lines <= lines
+    listed = added <= {line.partition("/")[0] for line in lines} and older_lines <= lines
     return same and listed and added <= {"checkpoint"}
 
 

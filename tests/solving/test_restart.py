@@ -14,7 +14,6 @@ import pytest
 from mpi4py import MPI
 
 from signorini_fx.errors import SceneError
-from signorini_fx.machine.manifest import MANIFEST
 from signorini_fx.records import StepRecord
 from signorini_fx.results.files import write_results
 from signorini_fx.results.folder import CHECKPOINT
@@ -389,7 +388,6 @@ def test_results_remove_the_checkpoint(tmp_path):
     solution = solve(given, MPI.COMM_SELF, checkpoint=tmp_path, restart=True)
     assert solution.history.events[0] == f"restart: 0 complete load step(s) in {tmp_path / CHECKPOINT}"
     assert sorted(path.name for path in (tmp_path / CHECKPOINT).iterdir()) == [
-        MANIFEST,
         *(f"0-0000{step}" for step in range(6)),
         "scene.json",
     ]
