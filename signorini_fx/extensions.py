@@ -6,12 +6,10 @@ add-ons of this package, which the rest of it works without, are such a group, t
 
 from __future__ import annotations
 
-import pkgutil
 import sys
 import tomllib
 from collections.abc import Callable
 from functools import cache
-from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
@@ -92,12 +90,6 @@ def load_class(group: str, name: str, base: type) -> type:
         article = "an" if base.__name__[0] in "AEIOU" else "a"
         raise InstallationError(f"{name!r}, which another package adds, is not {article} {base.__name__}")
     return extension
-
-
-@cache
-def modules_of(package: str) -> tuple[str, ...]:
-    """The names of the files of a package, ascending; none is imported."""
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(import_module(package).__path__)))
 
 
 def is_of_package(kind: type) -> bool:
