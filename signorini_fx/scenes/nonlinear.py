@@ -170,9 +170,8 @@ class ProblemOfScene(NonlinearContactProblem):
         body |= {"statement": self.statement, "tagged": self.model.tagged}
         states = StatesOnPath(NonlinearForces(self.statement, self.model.tagged, self.model.space))
         known = nonlinear_findings(self.statement, self.model)
-        contacts = [step.contact.in_contact.any() for step in solution.steps if step.contact is not None]
-        touching = parallel.any_rank(self.model.comm, bool(np.any(contacts))) if contacts and not failures else None
-        findings = (*failures, *known, *self.findings, *untouched(touching=touching))
+        apart = [] if failures else untouched(self.model.comm, solution.steps)
+        findings = (*failures, *known, *self.findings, *apart)
         named = tuple(map(self._named, solution.steps))
         model = BodyOfScene(**body, states=states)
         return replace(solution, model=model, steps=named, timings=self.timings, found=lambda: findings)

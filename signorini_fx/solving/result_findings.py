@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.points import pushed
@@ -126,12 +127,8 @@ def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement:
     return findings
 
 
-def result_findings(
-    deformations: Sequence[Deformation], *, touching: bool | None, unjudged: Sequence[str] = ()
-) -> list[Finding]:
-    """Findings about a result; ``touching``: whether there is contact anywhere, None without contact; ``unjudged``:
-    names of bodies whose forces are round-off of those of others.
-    """
+def result_findings(deformations: Sequence[Deformation], unjudged: Sequence[str]) -> list[Finding]:
+    """Findings about a result; ``unjudged``: names of bodies whose forces are round-off of those of others."""
     findings = []
     if unjudged:
         message = (
@@ -153,12 +150,13 @@ def result_findings(
             "normals are those of its initial position; check the gap and the unit of lengths"
         )
         findings.append(Finding("warning", "contact.gap, displacement", message))
-    return [*findings, *untouched(touching=touching)]
+    return findings
 
 
-def untouched(*, touching: bool | None) -> list[Finding]:
-    """A finding where contact touches nothing in any load step, see ``result_findings``."""
-    if touching is not False:
+def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> list[Finding]:
+    """A finding where contact touches nothing in any load step; collective."""
+    contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
+    if not contacts or parallel.any_rank(comm, bool(np.any(contacts))):
         return []
     message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
     return [Finding("warning", "contact.gap", message)]

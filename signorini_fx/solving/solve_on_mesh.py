@@ -40,6 +40,7 @@ from signorini_fx.solving.result_findings import (
     pushed_nodes,
     result_findings,
     shapes_in_results,
+    untouched,
 )
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
@@ -170,8 +171,6 @@ def findings_of_steps(
     """
     if not _solved(steps):
         return [*further, *(step.reason for step in steps if step.reason is not None)]
-    contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
-    touching = parallel.any_rank(model.comm, bool(np.any(contacts))) if contacts else None
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
     names = [model.motions.pieces.called(piece) for piece in lost]
     return [
@@ -179,7 +178,8 @@ def findings_of_steps(
         *loose_at_rest(model, steps, model.statement.forces_at),
         *shapes_in_results(foundations, _shown(steps).displacement),
         *further,
-        *result_findings([step.deformation for step in steps], touching=touching, unjudged=names),
+        *result_findings([step.deformation for step in steps], names),
+        *untouched(model.comm, steps),
     ]
 
 
