@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,23 +26,35 @@ _DIGITS_OF_SINGLE = 7
 
 @dataclass(frozen=True)
 class ForeignResult:
-    """A result.
+    """Displacements at the points of a file, or at the nodes of a problem.
 
     Attributes:
-        name: of its file, or what it is.
-        program: that made it; "": not known.
-        displacement: length, NaN where there is none, shape (n, d).
-        half_unit: half a unit of the last digit of the largest component, length.
-        time: of the increment; None: not known.
-        digits: with which it was printed; None: with all.
+        displacement: length, shape (n, 2 or 3); at nodes NaN where there is none, shape (n, d).
+        digits: with which they were printed; None: with all.
+        numbers: of the nodes in the file, shape (n,); None: not known.
+        points: positions in the file, length, shape (n, 2 or 3); None: not known.
+        cells: points of the cells of each kind, shape (m, k); none where only points are known.
+        time: of the last increment; None: not known.
+        program: that wrote them; "": it does not say.
+        name: of the file, or what it is.
     """
 
-    name: str
-    program: str
     displacement: Floats
-    half_unit: float = 0.0
-    time: float | None = None
     digits: int | None = None
+    numbers: Ints | None = None
+    points: Floats | None = None
+    cells: tuple[Ints, ...] = ()
+    time: float | None = None
+    program: str = ""
+    name: str = "the result"
+
+    @property
+    def half_unit(self) -> float:
+        """Half a unit of the last digit of the largest component, length; 0: there are all digits."""
+        largest = float(np.abs(np.nan_to_num(self.displacement)).max())
+        if self.digits is None or not largest > 0:
+            return 0.0
+        return float(0.5 * 10.0 ** (np.floor(np.log10(largest)) - self.digits + 1))
 
 
 def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
@@ -60,12 +71,10 @@ def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
     if isinstance(result, str | Path):
         return _read(Path(result), problem)
     nodes, dim = problem.points.shape
-    values: Any = np.ma.asarray(result)  # type: ignore[no-untyped-call]
+    values = np.asarray(result)
     if values.dtype.kind not in "iuf" or values.shape not in ((nodes, dim), (nodes, 3)):
         raise MeshError(f"the result: real numbers of shape {(nodes, dim)} are expected, not of {values.shape}")
-    missing = np.ma.getmaskarray(values)[:, :dim]  # type: ignore[no-untyped-call]
-    known = _finite(np.ma.getdata(values)[:, :dim].astype(np.float64))  # type: ignore[no-untyped-call]
-    return ForeignResult("the result", "", np.where(missing, np.nan, known))
+    return ForeignResult(_finite(values[:, :dim].astype(np.float64)))
 
 
 def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
@@ -77,11 +86,7 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
     rows, held = _rows_at(file, printed, problem) if printed.numbers is None else _rows_of(file, printed, problem)
     displacement = np.full(problem.points.shape, np.nan)
     displacement[held] = _finite(printed.displacement[rows[held], : problem.arrays.dim])
-    largest = float(np.abs(np.nan_to_num(displacement)).max())
-    half = 0.0
-    if printed.digits is not None and largest > 0:
-        half = 0.5 * 10.0 ** (np.floor(np.log10(largest)) - printed.digits + 1)
-    return ForeignResult(file.name, printed.program, displacement, half, printed.time, printed.digits)
+    return ForeignResult(displacement, printed.digits, time=printed.time, program=printed.program, name=file.name)
 
 
 def _finite(values: Floats) -> Floats:
@@ -92,30 +97,7 @@ def _finite(values: Floats) -> Floats:
 # --- nodes ------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Printed:
-    """Displacements at nodes or points.
-
-    Attributes:
-        displacement: length, shape (n, 2 or 3).
-        digits: with which they were printed; None: with all.
-        numbers: of the nodes, shape (n,); None: not known.
-        points: positions, length, shape (n, 2 or 3); None: not known.
-        cells: points of the cells of each kind, shape (m, k); none where only points are known.
-        time: of the last increment; None: not known.
-        program: that wrote them; "": it does not say.
-    """
-
-    displacement: Floats
-    digits: int | None = None
-    numbers: Ints | None = None
-    points: Floats | None = None
-    cells: tuple[Ints, ...] = ()
-    time: float | None = None
-    program: str = ""
-
-
-def _rows_of(file: Path, table: Printed, problem: JudgedProblem) -> tuple[Ints, npt.NDArray[np.bool_]]:
+def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> tuple[Ints, npt.NDArray[np.bool_]]:
     """The row of the table with the number of each node, and which nodes have one."""
     assert table.numbers is not None
     numbering = Numbering(table.numbers)
@@ -133,7 +115,7 @@ def _rows_of(file: Path, table: Printed, problem: JudgedProblem) -> tuple[Ints, 
     return rows, held
 
 
-def _rows_at(file: Path, table: Printed, problem: JudgedProblem) -> tuple[Ints, npt.NDArray[np.bool_]]:
+def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> tuple[Ints, npt.NDArray[np.bool_]]:
     """The row of the table at each node, and which nodes have one.
 
     Nodes at one place, as in contact, are told apart by the middles of their cells.
@@ -148,15 +130,13 @@ def _rows_at(file: Path, table: Printed, problem: JudgedProblem) -> tuple[Ints, 
     if table.cells and _are_together(points, near) and _are_together(x, near):
         nodes, x = _in_cells(x, (problem.cells,))
         rows, points = _in_cells(points, table.cells)
-    elif _are_together(points, near) and _are_together(x, near):
-        cure = "give a table with a column node, the numbers of the problem"
-        raise MeshError(f"{file}: several nodes are at one place, as in contact: {cure}")
     tree = cKDTree(points)
     away, nearest = tree.query(x)
     alike = DIGITS_OF_FILES * float(np.abs(table.displacement).max())
     for place, at_place in zip(plain(x), tree.query_ball_point(x, near), strict=True):
         if len(at_place) > 1 and not np.ptp(table.displacement[rows[at_place]], axis=0).max() <= alike:
-            raise MeshError(f"{file}: several points are at {tuple(place[:3])}, with different displacements")
+            cure = "give a table with a column node, the numbers of the problem"
+            raise MeshError(f"{file}: several points are at {tuple(place[:3])}, with different displacements: {cure}")
     row_of_node, held = np.zeros(len(problem.points), dtype=np.int64), np.zeros(len(problem.points), dtype=bool)
     row_of_node[nodes[away <= near]] = rows[nearest[away <= near]]
     held[nodes[away <= near]] = True
@@ -198,7 +178,7 @@ def _add_node(file: Path, line: int, rows: _Rows, node: str, words: Sequence[str
     rows[int(node)] = _numbers(file, line, words[:3])
 
 
-def read_dat(file: Path) -> Printed:
+def read_dat(file: Path) -> ForeignResult:
     """The displacements of the last increment of a .dat file of CalculiX.
 
     Raises:
@@ -223,7 +203,7 @@ def read_dat(file: Path) -> Printed:
     return _of_nodes(file, rows, {}, last, "CalculiX")
 
 
-def read_frd(file: Path) -> Printed:
+def read_frd(file: Path) -> ForeignResult:
     """The displacements of the last increment of a .frd file of CalculiX.
 
     Raises:
@@ -263,17 +243,17 @@ def _lines(file: Path) -> Iterator[tuple[int, str]]:
         raise MeshError(f"{file}: cannot be read: {error.strerror}") from None
 
 
-def _of_nodes(file: Path, rows: _Rows, positions: _Rows, time: float | None, program: str) -> Printed:
+def _of_nodes(file: Path, rows: _Rows, positions: _Rows, time: float | None, program: str) -> ForeignResult:
     if not rows:
         cure = "print them: *NODE PRINT, NSET=ALL with U, or *NODE FILE with U"
         raise MeshError(f"{file}: has no displacements: {cure}")
     values, digits = zip(*rows.values(), strict=True)
     absent: tuple[list[float], int] = [np.nan] * 3, 0
     points = np.array([positions.get(node, absent)[0] for node in rows]) if positions else None
-    return Printed(np.array(values), max(digits), np.array(list(rows)), points, time=time, program=program)
+    return ForeignResult(np.array(values), max(digits), np.array(list(rows)), points, time=time, program=program)
 
 
-def read_csv(file: Path) -> Printed:
+def read_csv(file: Path) -> ForeignResult:
     """A table with a heading.
 
     Raises:
@@ -304,10 +284,10 @@ def read_csv(file: Path) -> Printed:
         numbers = given.astype(np.int64)
         if (numbers != given).any():
             raise MeshError(f"{file}: the column node has numbers that are not those of nodes")
-    return Printed(values, digits, numbers, points)
+    return ForeignResult(values, digits, numbers, points)
 
 
-def read_vtu(file: Path) -> Printed:
+def read_vtu(file: Path) -> ForeignResult:
     """A field of vectors at the points of a .vtu file.
 
     Raises:
@@ -329,7 +309,7 @@ def read_vtu(file: Path) -> Printed:
     digits = _DIGITS_OF_SINGLE if vectors[chosen].dtype == np.float32 else None
     points = np.asarray(mesh.points, dtype=np.float64)
     cells = tuple(block.data.astype(np.int64) for block in mesh.cells if block.dim > 0)
-    return Printed(values, digits, None, points, cells)
+    return ForeignResult(values, digits, None, points, cells)
 
 
 _READERS = {".dat": read_dat, ".frd": read_frd, ".csv": read_csv, ".vtu": read_vtu}
