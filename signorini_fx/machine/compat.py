@@ -69,16 +69,11 @@ def geometry_in_space(domain: mesh.Mesh) -> Any:
     return type(geometry)(geometry.index_map(), geometry_cells(domain), cmap, x, geometry.input_global_indices)
 
 
-def packed_constants(form: fem.Form) -> npt.NDArray[Any]:
-    """The values of the Constants of a form, one after the other."""
-    return np.asarray(cpp.fem.pack_constants(wrapped(form)))
-
-
 def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:
     """The values of the constants and coefficients of a compiled form on this rank, in a fixed order."""
     packed = cpp.fem.pack_coefficients(wrapped(form))
     kinds = sorted(packed, key=lambda kind: (kind[0].name, kind[1]))
-    return [packed_constants(form), *(packed[kind] for kind in kinds)]
+    return [np.asarray(cpp.fem.pack_constants(wrapped(form))), *(packed[kind] for kind in kinds)]
 
 
 def topology(holder: mesh.Mesh | mesh.MeshTags) -> Any:

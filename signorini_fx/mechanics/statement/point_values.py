@@ -79,30 +79,20 @@ def _rows(file: Path) -> tuple[Array, Array]:
 
 
 def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
-    """The points without those at the place of another one, which must have its value."""
-    places = same_places(points)
-    first = np.unique(places, return_index=True)[1]
-    at_place = values[first][places]
-    unequal = np.abs(values - at_place) > DIGITS_OF_FILES * np.abs(values).max(initial=0.0)
-    if unequal.any():
-        row = int(np.argmax(unequal))
-        place = ", ".join(f"{c:g}" for c in points[row])
-        both = f"{at_place[row]:g} and {values[row]:g}"
-        message = f"has several values at one place, {both} at ({place}): give each body a file of its own, with region"
-        raise _wrong(file, message)
-    return points[first], values[first]
-
-
-def same_places(points: Array) -> npt.NDArray[np.int64]:
-    """The number of the place of each of n points of shape (n, d), from 0, in the order of the points."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    """The points without those at the place of an earlier one, which must have its value."""
     from scipy.spatial import cKDTree
 
     near = ROOT_OF_EPS * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
-    first, second = cKDTree(points).query_pairs(near, output_type="ndarray").reshape(-1, 2).T
-    links = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(len(points), len(points)))
-    return connected_components(links, directed=False)[1].astype(np.int64)
+    earlier, later = cKDTree(points).query_pairs(near, output_type="ndarray").reshape(-1, 2).T
+    unequal = np.abs(values[earlier] - values[later]) > DIGITS_OF_FILES * np.abs(values).max(initial=0.0)
+    if unequal.any():
+        one, other = earlier[unequal][0], later[unequal][0]
+        place = ", ".join(f"{c:g}" for c in points[other])
+        both = f"{values[one]:g} and {values[other]:g}"
+        message = f"has several values at one place, {both} at ({place}): give each body a file of its own, with region"
+        raise _wrong(file, message)
+    first = np.setdiff1d(np.arange(len(points)), later)
+    return points[first], values[first]
 
 
 def _wrong(file: Path, message: str) -> SceneError:
