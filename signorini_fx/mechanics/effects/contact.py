@@ -116,14 +116,9 @@ class Contact(Effect):
     @property
     def features(self) -> Features:
         listed = (
-            ("contact that cannot open", ("kind",), not self.opens),
             ("contact of two bodies", ("against",), self.against is not None),
             ("driven foundation", ("foundation",), self.tool is not None),
-            ("moving foundation", ("foundation",), self.moves),
-            ("foundation with a shape", ("foundation",), self.foundation is not None),
             ("friction axes", ("friction", "ratio"), self.friction.directed),
-            ("contact in time", (), self.timed),
-            ("friction in time", ("friction",), self.friction.timed),
         )
         return tuple((name, keys) for name, keys, used in listed if used)
 

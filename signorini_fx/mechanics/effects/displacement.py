@@ -117,12 +117,7 @@ class PrescribedDisplacement(Load):
 
     @property
     def features(self) -> Features:
-        listed = (
-            ("support of a point", "at"),
-            ("prescribed rotation", "rotation"),
-            ("support of some load steps", "holds"),
-        )
-        return tuple((name, (key,)) for name, key in listed if getattr(self, key) is not None)
+        return () if self.rotation is None else (("prescribed rotation", ("rotation",)),)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         if self.rotation is not None and "prescribed rotation" not in statement.kinematics.refuses:

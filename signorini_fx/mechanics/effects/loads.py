@@ -58,10 +58,6 @@ class SurfaceTraction(VectorForce):
         """Whether it has a pressure."""
         return not is_zero(self.pressure)
 
-    @property
-    def features(self) -> Features:
-        return (*super().features, *(() if is_zero(self.pressure) else (("pressure", ("pressure",)),)))
-
     def density(self, on: Coefficients) -> Any:
         traction = super().density(on)
         return traction if is_zero(self.pressure) else traction - on.value(self.pressure) * on.normal

@@ -167,10 +167,7 @@ class Material(Effect):
 
     @property
     def features(self) -> Features:
-        return (
-            *(() if self.isotropic else (("anisotropic material", ()),)),
-            *((("graded material", ()),) if self.varies else ()),
-        )
+        return () if self.isotropic else (("anisotropic material", ()),)
 
     @property
     def kind(self) -> tuple[Any, ...]:

@@ -252,10 +252,6 @@ class InitialStrain(Load):
 
     strains: ClassVar[bool] = True
 
-    @property
-    def features(self) -> Features:
-        return (*super().features, *((("initial strain", ()),) if self.acts else ()))
-
     def strain(self, on: BodyCoefficients) -> Any:
         """The strain in each direction, UFL, a number."""
         raise NotImplementedError

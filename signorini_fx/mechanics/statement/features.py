@@ -52,10 +52,7 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("local refinement for contact", ("accuracy", "refinement"), _divides_cells(statement) and of != "energy"),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
         ("several bodies", ("body",), bool(statement.bodies)),
-        ("two bodies", ("body",), len(statement.bodies) > 1),
         ("mesh that no generator makes", ("mesh",), not statement.generated),
-        ("several load steps", ("load_steps",), statement.several_steps),
-        ("load in time", ("load_steps", "times"), any(load.timed for load in statement.loads)),
     ):
         if used:
             yield name, path
