@@ -65,7 +65,7 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
     if scene.body:
         if goal.refinement == "auto" and goal.of == "energy" and (one := _as_one_mesh(scene, comm)) is not None:
             return planned(one, goal, comm)
-        return _planned_bodies(scene, requested, comm)
+        return _planned_bodies(scene, requested)
     if isinstance(scene.mesh, MeshGenerator):
         return _planned_generator(scene, goal)
     if isinstance(scene.mesh, MeshFile):
@@ -128,7 +128,7 @@ def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
     return scene.model_copy(update={"mesh": tagged, "body": (), "contact": contacts})
 
 
-def _planned_bodies(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
+def _planned_bodies(scene: Scene, goal: Accuracy) -> Plan:
     """All cells of all bodies become smaller together; those of generators with arcs are as for one body."""
     for body in scene.body:
         if isinstance(body.mesh, TaggedMesh):

@@ -193,11 +193,11 @@ def test_certificate_notices_what_is_wrong():
     assert judged().holds
     assert judged(lambda t: replace(t, pressure=1.001 * t.pressure)).equilibrium > 1e-4
     assert not judged(lambda t: replace(t, shear=-t.shear)).holds
-    problem.shapes[0].shape = problem.shapes[0].shape.placed(shift=(0.0, -0.1001))
+    problem.shapes[0].shape = problem.shapes[0].shape.remade(shift=(0.0, -0.1001))
     assert judged().entered > 1e-5
-    problem.shapes[0].shape = problem.shapes[0].shape.placed(shift=(0.0, -0.0999))
+    problem.shapes[0].shape = problem.shapes[0].shape.remade(shift=(0.0, -0.0999))
     assert judged().pressure_at_distance > 1e-5
-    problem.shapes[0].shape = problem.shapes[0].shape.placed(shift=(0.0, -0.1))
+    problem.shapes[0].shape = problem.shapes[0].shape.remade(shift=(0.0, -0.1))
     top = int(np.argmax(u.x.array))
     u.x.array[top] += 1e-4
     assert not judged().holds

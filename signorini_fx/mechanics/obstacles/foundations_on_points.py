@@ -37,7 +37,7 @@ from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, driven_twice, rigid_bodies
-from signorini_fx.mechanics.statement.rigid_shape import Distance, distance_from
+from signorini_fx.mechanics.statement.rigid_shape import Distance, Shape, distance_from
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
 from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
 
@@ -196,12 +196,12 @@ class Foundations:
             FormError: it has no shape that can be placed, or the placement is wrong.
         """
         path, shape, driven = f"contact[{number}].shape", self.placed_shape(number), self.driven
-        if not hasattr(shape, "placed"):
+        if not isinstance(shape, Shape):
             raise FormError([(path, "this foundation has no shape that can be placed")])
         if driven[number] is not None and (wrong := set(placement) - set(RigidMotion.model_fields)):
             raise FormError([(f"{path}.{key}", "stays: this foundation is moved by what drives it") for key in wrong])
         try:
-            moved = distance_from(shape.placed(**placement), self._dimension)
+            moved = distance_from(shape.remade(**placement), self._dimension)
         except SceneError as error:
             raise FormError([(f"{path}.{key}", reason) for key, reason in error.problems]) from None
         driven[number] = moved.shape

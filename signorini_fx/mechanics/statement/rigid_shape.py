@@ -190,14 +190,6 @@ class Shape(RigidMotion):
         shift, turn = ((1 - share) * begun + share * moved).tolist(), ((1 - share) * before + share * now).tolist()
         return self.model_copy(update={"shift": tuple(shift), "rotation": tuple(turn) if dimension == 3 else turn[0]})
 
-    def placed(self, **placement: Any) -> Shape:
-        """The same shape with another shift, rotation or pivot.
-
-        Raises:
-            SceneError: one of them is wrong.
-        """
-        return self.remade(**placement)
-
     def _moved_back(self, x: Array) -> Array:
         """Where points of it were before it was turned and moved."""
         moved, pivot = self._translations(x.shape[1])
