@@ -227,7 +227,7 @@ class _Written:
     def _put(self, summary: dict[str, Any], absent: list[str]) -> None:
         """Write the summary, with what it lacks so far."""
         findings = [*summary["findings"], *not_yet_there(absent)]
-        text = json.dumps(_for_json({**summary, "findings": findings}), indent=2, allow_nan=False)
+        text = json.dumps(for_json({**summary, "findings": findings}), indent=2, allow_nan=False)
         self._on_root(lambda: (self.folder.part / SUMMARY).write_text(text + "\n", encoding="utf-8"))
 
     def _on_root(self, write: Callable[[], object]) -> None:
@@ -255,12 +255,12 @@ def _of_the_system(error: BaseException | None) -> OSError | None:
     return error
 
 
-def _for_json(value: Any) -> Any:
+def for_json(value: Any) -> Any:
     """Plain data for JSON: values that a failed solve could not compute become null; no control characters."""
     if isinstance(value, dict):
-        return {_for_json(key): _for_json(item) for key, item in value.items()}
+        return {for_json(key): for_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_for_json(item) for item in value]
+        return [for_json(item) for item in value]
     if isinstance(value, str):
         return value if value.isprintable() else printable(value)
     return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -7,7 +7,7 @@ from signorini_fx.addons.report.markup import part
 from signorini_fx.machine import terminal
 from signorini_fx.machine.display import html_table
 from signorini_fx.machine.terminal import TerminalLine, printable
-from signorini_fx.results.files import _for_json
+from signorini_fx.results.files import for_json
 
 EVIL = "A\x1b[2J\x1b]0;title\x07\x9b31m\r\x00\u202ebeam"
 CLEAN = "A31mbeam"
@@ -20,7 +20,7 @@ CLEAN = "A31mbeam"
         lambda: TerminalLine(f"{EVIL}: ", EVIL).coloured().replace(": ", "").replace(CLEAN * 2, CLEAN),
         lambda: str(part("paragraph", EVIL)).removeprefix("<p>").removesuffix("</p>"),
         lambda: plain(EVIL),
-        lambda: _for_json({EVIL: [EVIL]})[CLEAN][0],
+        lambda: for_json({EVIL: [EVIL]})[CLEAN][0],
         lambda: html_table((), (), EVIL).partition("<caption>")[2].partition("</caption>")[0],
     ],
 )

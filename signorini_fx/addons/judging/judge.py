@@ -6,7 +6,6 @@ Beyond that error the certificate of the result says which condition it violates
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,6 +19,7 @@ from signorini_fx.addons.judging.foreign_result import ForeignResult, read_resul
 from signorini_fx.addons.judging.judged_problem import JudgedProblem, judged_problem
 from signorini_fx.addons.judging.solution_on_mesh import NotJudgedError, SolutionOnMesh
 from signorini_fx.mechanics.mesh.files.cells import Floats
+from signorini_fx.results.files import for_json
 from signorini_fx.tuned import (
     JUDGED_DIGITS,
     JUDGED_FINEST,
@@ -86,16 +86,17 @@ class Judgement:
 
     def as_dict(self) -> dict[str, Any]:
         """As plain data for JSON."""
-        return {
+        data = {
             "word": self.word,
             "reason": self.reason,
             "agrees": self.agrees,
             "exit_code": self.exit_code,
-            "theirs": _plain(self.theirs),
-            "figures": {name: _plain(figure) for name, figure in self.figures.items()},
-            "beside": _plain(self.beside),
-            "lost": list(self.lost),
+            "theirs": self.theirs,
+            "figures": self.figures,
+            "beside": self.beside,
+            "lost": self.lost,
         }
+        return dict(for_json(data))
 
     def __str__(self) -> str:
         first = f"{self.name}: {self.word}"
@@ -382,10 +383,3 @@ class _Judging:
 
 def _percent(value: float) -> str:
     return f"{100 * value:.3g} %"
-
-
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Without numbers that JSON does not know."""
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in values.items()
-    }
