@@ -5,7 +5,6 @@ Help and errors in a scene need no import of dolfinx; text is printed by one ran
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import sys
@@ -25,19 +24,8 @@ from signorini_fx.tuned import PROGRESS_PAUSE
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-_ON_ONE_PROCESS: dict[str, Callable[[argparse.Namespace], str | tuple[str, int]]] = {
-    "new": commands.new,
-    "schema": commands.schema,
-    "report": commands.report,
-    "mesh-info": commands.mesh_info,
-}
-_ON_RANKS = {
-    "solve": commands.solve,
-    "check": commands.check,
-    "sweep": commands.sweep,
-    "judge": commands.judge,
-    "info": commands.info,
-}
+# The commands that all ranks but one leave alone.
+_ON_ONE_PROCESS = ("new", "schema", "report", "mesh-info")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -53,9 +41,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments, petsc_options = arguments[:split], arguments[split + 1 :]
     options = parser().parse_args(arguments)
     options.petsc_options = petsc_options
+    command = partial(getattr(commands, options.command.replace("-", "_")), options)
     if options.command in _ON_ONE_PROCESS:
-        return on_one_process(partial(_ON_ONE_PROCESS[options.command], options))
-    return on_ranks(partial(_ON_RANKS[options.command], options), source=getattr(options, "scene", None))
+        return on_one_process(command)
+    return on_ranks(command, source=getattr(options, "scene", None))
 
 
 _OUT_OF_MEMORY = "memory ran out: signorini-fx check says how much a scene needs; ulimit -a shows the limits"

@@ -71,10 +71,8 @@ def parser() -> argparse.ArgumentParser:
     main.add_argument("--version", action="version", version=f"signorini-fx {__version__}")
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=epilog)
-    solve.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     _add_options_of_solve(solve)
     check = commands.add_parser("check", help="what acts in a scene, its cost and problems, without solving it")
-    check.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     output = check.add_mutually_exclusive_group()
     output.add_argument("--json", action="store_true", help="print JSON instead of text")
     output.add_argument("--verbose", action="store_true", help="print all findings")
@@ -91,11 +89,11 @@ def parser() -> argparse.ArgumentParser:
     judge.add_argument("result", type=named_path, metavar="RESULT", help="displacements: .dat, .frd, .csv or .vtu")
     judge.add_argument("--json", action="store_true", help="print JSON instead of text")
     sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
-    sweep.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
     sweep.add_argument(
         "--out", type=named_path, metavar="DIR", help="folder (default: results/sweep_NAME of the scene file)"
     )
     for command in (solve, check, sweep):
+        command.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
         suffix = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
         command.add_argument(
             "--set",
