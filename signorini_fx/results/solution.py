@@ -133,7 +133,7 @@ class Solution:
         """
         settings, last, failed = self.statement.solver, self.last_step, self.steps[-1]
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.statement.forces_at)
-        ended_between = self.statement.automatic_steps is not None and last is not failed
+        ended_between = self.statement.load_steps.steps is not None and last is not failed
         if self.status in path:
             wanted = ("warning", path[self.status])
             # Of several load steps ``check`` may name another one than that which has failed.

@@ -240,7 +240,7 @@ def _acting(model: Model, *, compared: bool) -> tuple[str, ...]:
     acting += ["pressure of the mixed element"] * model.elastic.pressed
     acting += _contacts(model)
     if statement.expected_steps > 1:
-        automatic = statement.automatic_steps is not None
+        automatic = statement.load_steps.steps is not None
         acting.append(f"{'about ' if automatic else ''}{statement.expected_steps} load steps")
     for key, entries in statement.effects.items():
         if key not in ("material", "contact"):

@@ -258,7 +258,7 @@ def _equilibrium_of(
     if steps:
         when = ""
         if len(loads) > 1:
-            when = f"{'load step' if statement.automatic_steps is None else 'factor'} {steps[0]}: "
+            when = f"{'load step' if statement.load_steps.steps is None else 'factor'} {steps[0]}: "
         status, motion = next(way for way in away if way is not None)
         names = names_of(free @ motion[:, None], motions, members, one_way=True)
         message = f"{when}{status.value}{of_it}: the loads move it by {names}; {status.advice}{_provided(body)}"

@@ -166,27 +166,22 @@ class Statement:
         return drives
 
     @property
-    def automatic_steps(self) -> int | None:
-        """Into how many load steps a ramp divides each interval; None: there is no ramp."""
-        return self.load_steps.steps
-
-    @property
     def grows_from_nothing(self) -> bool:
         """Whether all loads grow together in a ramp, because none of them has factors."""
-        return self.automatic_steps is not None and all(load.factors is None for load in self.loads)
+        return self.load_steps.steps is not None and all(load.factors is None for load in self.loads)
 
     @property
     def expected_steps(self) -> int:
         """Number of load steps, if none of a ramp has to be divided."""
-        if self.automatic_steps is None:
+        if self.load_steps.steps is None:
             return self.steps
         intervals = self.steps if self.grows_from_nothing else self.steps - 1
-        return intervals * self.automatic_steps + (not self.grows_from_nothing)
+        return intervals * self.load_steps.steps + (not self.grows_from_nothing)
 
     @property
     def several_steps(self) -> bool:
         """Whether there may be more than one load step."""
-        return self.steps > 1 or self.automatic_steps is not None
+        return self.steps > 1 or self.load_steps.steps is not None
 
     def factors_of(self, effect: Effect) -> tuple[float, ...]:
         """The factors of a load; those of an effect that load steps do not change are 1."""
@@ -232,7 +227,7 @@ class Statement:
     def path(self) -> LoadPath:
         """The load steps, without the loads."""
         names = self.load_steps.names or ()
-        return LoadPath(self._times, names, self.automatic_steps, from_nothing=self.grows_from_nothing)
+        return LoadPath(self._times, names, self.load_steps.steps, from_nothing=self.grows_from_nothing)
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:
