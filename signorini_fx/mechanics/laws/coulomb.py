@@ -23,15 +23,6 @@ class NoFriction(FrictionLaw):
     def limit(self, pressure: Array) -> Array:
         return np.zeros_like(pressure)
 
-    derivative = limit
-
-    def envelope(self, zero: Array) -> Envelope:
-        return Envelope(zero, zero)
-
-    @property
-    def unknown(self) -> str:
-        return ""
-
     @property
     def acts(self) -> bool:
         return False
@@ -55,16 +46,6 @@ class Tresca(DirectedLaw):
 
     def limit(self, pressure: Array) -> Array:
         return np.asarray(self.bound + 0.0 * pressure)
-
-    def derivative(self, pressure: Array) -> Array:
-        return np.zeros_like(pressure)
-
-    def envelope(self, zero: Array) -> Envelope:
-        return Envelope(self.bound, zero)
-
-    @property
-    def unknown(self) -> str:
-        return ""
 
     @property
     def acts(self) -> bool:

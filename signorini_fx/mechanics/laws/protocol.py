@@ -57,7 +57,7 @@ class FrictionLaw(Table):
         law: its name.
     """
 
-    # Whether the bound depends on the pressure; where it does not the problem is convex.
+    # Whether the bound depends on the pressure; where it does not the problem is convex, and the derivative zero.
     follows_pressure: ClassVar[bool] = True
     # Whether the bound grows with the pressure, ever less: then it is below its tangent at zero and its limit.
     concave: ClassVar[bool] = False
@@ -76,15 +76,20 @@ class FrictionLaw(Table):
 
     def derivative(self, pressure: Array) -> Array:
         """Derivative of the bound by the pressure, at zero that towards larger ones, without unit, shape (n,)."""
-        raise NotImplementedError
+        if self.follows_pressure:
+            raise NotImplementedError
+        return np.zeros_like(pressure)
 
     # --- what it may say ---
 
     def envelope(self, zero: Array) -> Envelope:
         """What bounds its bound, for statics; ``zero`` has the shape of the parameters.
 
-        Of a concave law it follows; of others nothing is known, and friction has no limit.
+        Of a concave law it follows, and of one that the pressure leaves as it is; of others nothing is known, and
+        friction has no limit.
         """
+        if not self.follows_pressure:
+            return Envelope(self.limit(zero), zero)
         if not self.concave:
             return Envelope(zero + np.inf, zero)
         with np.errstate(invalid="ignore"):  # what is a quotient, or of a parameter that is zero, is no number there
@@ -103,7 +108,7 @@ class FrictionLaw(Table):
     @property
     def unknown(self) -> str:
         """Why its bound is not its envelope, so that nothing is proved of it but equilibrium; "": it is."""
-        return f"of the friction law {self.law} only the bound is known"
+        return f"of the friction law {self.law} only the bound is known" if self.follows_pressure else ""
 
     @property
     def has_derivative(self) -> bool:
