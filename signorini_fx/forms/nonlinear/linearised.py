@@ -326,7 +326,7 @@ class LinearisedProblem(FormSolver):
                 raise FormError(apart)
             self.foundations.sliding = pairs
         for pair in self.pairs.values():
-            pair.move(self._at)
+            pair.move(self.places[: self.space.dofmap.index_map.size_local])
 
     def bend(self) -> None:
         """Give the tangent the curvature of the shapes with the tractions of the last solution; collective."""

@@ -225,8 +225,8 @@ class EquilibriumSolver:
         self.linear.tools = self.linear.moving_tools.motions
         self.linear.advance()
         self.commit()
+        self.linear.slide()
         for pair in self.linear.pairs.values():
-            pair.move(self.u)
             pair.settle()
 
     def snapshot(self) -> State:

@@ -28,13 +28,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides
-from signorini_fx.mechanics.pairs.mortar_coupling import (
-    Coupling,
-    PairingError,
-    Tested,
-    couple,
-    normals_of_points,
-)
+from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, Tested, couple
 from signorini_fx.mechanics.pairs.pair_side import (
     Lagrange,
     Overlap,
@@ -377,18 +371,11 @@ class PairedSides(FacingSides):
             raise FormError([(f"contact[{facing.index}]", str(error))]) from None
         return cls(**facing.of_facing, coupling=coupling, by_geometry=pair.by_geometry, adjust=pair.adjust)
 
-    @property
-    def undeformed_normals(self) -> Array:
-        """Normals of the points where both sides are undeformed, shape (n, d)."""
-        coupling, surfaces = self.coupling, (self.slave.surface, self.master.surface)
-        shares = coupling.slave, coupling.master
-        return normals_of_points(surfaces, coupling.nodes, shares, nominal=not self.by_geometry)
-
     def deformed(self, displacement: Array) -> PairedSides:
-        """The same points and partners, with normals that turn as those of the master do at the partners; collective.
-        ``displacement``: of the owned nodes, length, shape (owned nodes, d).
+        """The same points and partners as those of undeformed sides, with normals that turn as those of the master do
+        at the partners; collective.  ``displacement``: of the owned nodes, length, shape (owned nodes, d).
         """
-        normal, start = self.undeformed_normals, self.master.surface
+        normal, start = self.coupling.normal, self.master.surface
         master = start.displaced(from_owners(displacement, self.master.nodes, self.space.mesh.comm))
         initial, present = (self._at_partners(side) for side in (start, master))
         initial, present = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (initial, present))
@@ -578,13 +565,6 @@ class SlidingSides(FacingSides):
         gathered = from_owners(owned, self.slave.nodes[self.points], self.space.mesh.comm)
         return gathered.reshape(len(gathered), *values.shape[1:])
 
-    def at_owned_nodes(self, values: Array) -> Array:
-        """Values at the nodes of both sides, shape (m, d), at the owned nodes of the space, shape (owned nodes, d)."""
-        first, last = self.space.dofmap.index_map.local_range
-        at_owned, is_owned = np.zeros((last - first, values.shape[1])), (self.nodes >= first) & (self.nodes < last)
-        at_owned[self.nodes[is_owned] - first] = values[is_owned]
-        return at_owned
-
 
 @dataclass
 class MovingPair:
@@ -612,10 +592,11 @@ class MovingPair:
         self.allowance = np.zeros(self.sides.space.dofmap.index_map.size_local)
         self.settle()
 
-    def move(self, u: fem.Function) -> None:
-        """Renew the map at a displacement; a PairingError: a facet sees two sheets of the other side; collective."""
-        owned = u.function_space.dofmap.index_map.size_local
-        displacement = self.sides.gathered(u.x.array.reshape(-1, self.displacement.shape[1])[:owned])
+    def move(self, owned: Array) -> None:
+        """Renew the map at a displacement of the owned nodes, length, shape (owned nodes, d); a PairingError: a facet
+        sees two sheets of the other side; collective.
+        """
+        displacement = self.sides.gathered(owned)
         if not np.array_equal(displacement, self.displacement):
             self.coupling, self.displacement = self.sides.at(displacement), displacement
 
@@ -627,15 +608,17 @@ class MovingPair:
         """The contact points of this rank."""
         return self.sides.boundary(self.coupling)
 
-    def gap(self, coupling: SlidingCoupling) -> Array:
+    @property
+    def gap(self) -> Array:
         """The distance of all points, where they see no other side the reach, length, shape (n,)."""
-        return np.where(coupling.frames.partnered, coupling.gap, self.sides.reach)
+        return np.where(self.coupling.frames.partnered, self.coupling.gap, self.sides.reach)
 
-    def slip(self, coupling: SlidingCoupling) -> Array:
+    @property
+    def slip(self) -> Array:
         """The slip of all points since the step has begun, length, shape (n, d - 1)."""
         count, slave, master = self.sides.slave.nodes.size, self.sides.slave.surface.x, self.sides.master.surface.x
         places = slave + self.settled[:count], master + self.settled[count:]
-        return coupling.slip(coupling.started(self.begun, *places))
+        return self.coupling.slip(self.coupling.started(self.begun, *places))
 
     @property
     def alone(self) -> npt.NDArray[np.bool_]:
@@ -646,12 +629,12 @@ class MovingPair:
     def opening(self) -> Array:
         """The linearised gap of the points at the displacement, length, shape (n,)."""
         relative = self.coupling.normal_rows @ self.displacement.ravel()
-        return np.asarray(self.gap(self.coupling) + relative)[self.sides.mine]
+        return np.asarray(self.gap + relative)[self.sides.mine]
 
     @property
     def slip_origin(self) -> Array:
         """Where the slip of the points counts from, length, shape (n, d)."""
-        slip = self.slip(self.coupling)
+        slip = self.slip
         along = (self.coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape)
         return self.sides.sliding_along(self.coupling, along - slip)
 

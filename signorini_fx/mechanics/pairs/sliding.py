@@ -247,8 +247,7 @@ def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> A
     """T_i of points at some nodes, shape (n, d, d - 1): in 3D they turn with the slave around the node."""
     if slave.dimension == 2:
         return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]
-    start = slave if slave.undeformed is None else slave.displaced(np.zeros_like(slave.x))
-    outward = start.nodal_normals[points]
+    outward = slave.displaced(np.zeros_like(slave.x)).nodal_normals[points]
     least = np.eye(3)[np.abs(outward).argmin(axis=1)]
     first = np.cross(outward, least)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

@@ -436,8 +436,7 @@ def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
     """How far the facets around some nodes have turned since the side was undeformed, by least squares with areas,
     shape (n, 3, 3).
     """
-    if side.undeformed is None:
-        return np.tile(np.eye(3), (len(nodes), 1, 1))
+    assert side.undeformed is not None
     around = sp.csr_array(_around(side)[nodes])
     row = np.repeat(np.arange(len(nodes)), np.diff(around.indptr))
     undeformed_arms, arms = (x[around.indices] - x[nodes[row]] for x in (side.undeformed, side.x))

@@ -11,6 +11,7 @@ normals follow deformed sides, a rotation R leaves B R = - R d, as the distance 
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -104,20 +105,20 @@ class SlidingPoints(PairPoints):
 
     def relative(self, owned: Array, normal: Array) -> Array:
         """Along the normal the distance, negative, and across it the slip since the step began."""
-        pair, sides = self.pair, self.sides
-        values = sides.gathered(owned)
-        coupling = pair.coupling if np.array_equal(values, pair.displacement) else sides.at(values)
-        slip, partnered = sides.sliding_along(coupling, pair.slip(coupling)), coupling.frames.partnered[sides.mine]
-        return np.where(partnered[:, None], slip, 0.0) - pair.gap(coupling)[sides.mine][:, None] * normal
+        pair, sides = copy(self.pair), self.sides
+        pair.move(owned)
+        slip = sides.sliding_along(pair.coupling, pair.slip)
+        return np.where(pair.alone[:, None], 0.0, slip) - pair.gap[sides.mine][:, None] * normal
 
     def on_other_side(self, of_node: Numbers) -> Numbers:
         return _met_most(self.pair.coupling.frames.master[self.sides.mine], self.sides, of_node)
 
     def least_area(self) -> Array:
         """What turns directions acts on the neighbours of points on the slave, too."""
-        of_nodes = np.zeros((len(self.sides.nodes), 1))
-        of_nodes[: len(self.sides.slave.nodes), 0] = 0.5 * self.sides.slave.surface.area
-        return self.sides.at_owned_nodes(of_nodes)[:, 0]
+        sides, area = self.sides, np.zeros(self.sides.space.dofmap.index_map.size_local)
+        mine = np.flatnonzero(sides.slave.owned(sides.space))
+        area[sides.local(mine)] = 0.5 * sides.slave.surface.area[mine]
+        return area
 
     def error(self) -> float:
         """A plane of symmetry that holds the direction of rays takes a moment, too."""
