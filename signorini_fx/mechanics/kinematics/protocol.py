@@ -123,9 +123,9 @@ class Kinematics:
         """By what areas and lengths of the mesh are multiplied at x, UFL of shape (d,) or numbers of shape (d, n)."""
         return 1
 
-    def measure_at(self, x: _Floats) -> _Floats | None:
-        """``measure`` at points of shape (..., d), not below zero by round-off, shape (...); None: 1."""
-        return None if self.uniform else np.maximum(self.measure(np.moveaxis(x, -1, 0)), 0.0)
+    def measure_at(self, x: _Floats) -> _Floats:
+        """``measure`` at points of shape (d, n), not below zero by round-off."""
+        return np.maximum(self.measure(x), 0.0)
 
 
 # Plane stress, of a thin body without stress across its plane, is the affair of the material.

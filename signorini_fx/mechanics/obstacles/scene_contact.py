@@ -38,7 +38,7 @@ def foundations_of(
     """The contact of a scene as foundations, on the facets of each, and as pairs, by their places the masters."""
     foundations: list[Foundation | Pair] = []
     kinematics = statement.kinematics
-    around = None if kinematics.uniform else partial(_measure, kinematics)
+    around = None if kinematics.uniform else kinematics.measure_at
     for number, (effect, on) in enumerate(zip(statement.contact, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
         bonded, bilateral = effect.bonded, not effect.opens and not effect.bonded
@@ -86,11 +86,6 @@ class _ShapeOfSection:
     def inradius(self) -> float:
         """Infinite where the shape does not say it."""
         return float(getattr(self.shape, "inradius", np.inf))
-
-
-def _measure(kinematics: Kinematics, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """At points of shape (3, n); where it is zero it may be below by round-off."""
-    return np.maximum(kinematics.measure(x), 0.0)
 
 
 def _evaluable(value: Any) -> Any:

@@ -148,8 +148,7 @@ def around(table: ContactTable, kinematics: Kinematics) -> list[Floats]:
     if kinematics.uniform:
         return [np.ones(len(path) - 1) for path in table.paths]
     x = np.column_stack((table.columns["x"], table.columns["y"]))
-    measures = (kinematics.measure_at((x[path[:-1]] + x[path[1:]]) / 2) for path in table.paths)
-    return [measure for measure in measures if measure is not None]
+    return [kinematics.measure_at((x[path[:-1]] + x[path[1:]]).T / 2) for path in table.paths]
 
 
 def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Floats]) -> Floats:
