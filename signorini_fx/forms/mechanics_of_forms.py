@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 
 from signorini_fx.forms.given_forms import Facets, GivenForms
 from signorini_fx.forms.stress import exterior_facets, stresses_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, facet_nodes
+from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, facet_nodes, marked_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
@@ -127,17 +127,12 @@ def acting_on(
 
     space, supports = balance.surface.space, list[str | None]()
     by = np.full((fixed.size // space.dofmap.index_map_bs, space.dofmap.index_map_bs), -1, dtype=np.int64)
-    marks = fem.Function(space)
     for number, (name, facets) in enumerate(boundaries.items()):
         nodes = facet_nodes(space, facets)
         free = ~fixed.reshape(by.shape)[nodes].all(axis=(0, 1))
         held = parallel.global_sum(space.mesh.comm, free.astype(np.float64)) == 0
         supports.append(name if held.any() else None)
-        marks.x.array[:] = 0.0
-        on_part = marks.x.array.reshape(by.shape)
-        on_part[np.unique(nodes)] = 1.0
-        marks.x.scatter_reverse(la.InsertMode.add)  # the owner of a node need not have the facet
-        by[(on_part > 0) & held] = number
+        by[marked_nodes(space, nodes.ravel())[:, None] & held] = number  # the owner of a node need not have the facet
     balance, loads = replace(balance, supports=replace(balance.supports, by=by[: balance.surface.owned])), list(loads)
     acted_on = {*supports, *(where for where, *_ in loads)}
     return ActingForces(balance, supports, loads, [name for name in boundaries if name in acted_on], displaced)

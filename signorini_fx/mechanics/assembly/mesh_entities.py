@@ -85,6 +85,15 @@ def facet_nodes(space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.
     return np.asarray(space.dofmap.list[entities[:, :1], closures[entities[:, 1]]])
 
 
+def marked_nodes(space: fem.FunctionSpace, nodes: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+    """Which nodes of this rank, ghosts included, any rank has named, shape (nodes,); collective."""
+    mark = la.vector(space.dofmap.index_map, 1, dtype=np.int32)
+    mark.array[nodes] = 1
+    mark.scatter_reverse(la.InsertMode.add)
+    mark.scatter_forward()
+    return np.asarray(mark.array > 0)
+
+
 def measure(mesh: dmesh.Mesh, parts: Sequence[npt.NDArray[np.int32]], metadata: dict[str, Any]) -> Any:
     """Integration over lists of facets, numbered from 1 on every mesh, so that forms are compiled once."""
     data = [(number, facet_entities(mesh, facets).ravel()) for number, facets in enumerate(parts, start=1)]

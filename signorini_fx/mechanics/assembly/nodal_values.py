@@ -13,7 +13,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import marked_nodes, node_positions
 from signorini_fx.mechanics.statement.expressions import in_space, real_numbers
 from signorini_fx.tuned import LARGEST_NUMBER
 
@@ -30,11 +30,8 @@ class NodalValues:
     def __init__(self, space: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> None:
         self._space = space
         self._dimension = int(space.mesh.geometry.dim)
-        mark = fem.Function(space)
         nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets)
-        mark.x.array.reshape(-1, self._dimension)[nodes] = 1.0
-        mark.x.scatter_forward()
-        self.nodes = np.flatnonzero(mark.x.array.reshape(-1, self._dimension)[:, 0])
+        self.nodes = np.flatnonzero(marked_nodes(space, nodes))
         self._compiled: dict[int, tuple[fem.Expression, fem.Function, Any]] = {}
 
     @cached_property

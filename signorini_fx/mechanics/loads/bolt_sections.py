@@ -14,12 +14,12 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem, la
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, marked_nodes, node_positions
 from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.statement import Statement
@@ -77,7 +77,7 @@ def jump_at(path: str, effect: Preload, statement: Statement, tagged: TaggedMesh
     key = "section"
     if effect.section is not None:
         facets = _inner_facets(effect.section, path, tagged)
-        nodes = _marked(space, facet_nodes(space, facets).ravel())
+        nodes = marked_nodes(space, facet_nodes(space, facets).ravel())
         point, axis = _plane(space, nodes, tagged, path)
     else:
         key = "point"
@@ -88,9 +88,10 @@ def jump_at(path: str, effect: Preload, statement: Statement, tagged: TaggedMesh
             inside[tagged.cells(effect.region)] = True
     beyond = (middle - point) @ axis > -SAME_LENGTH * tagged.size
     if effect.section is None:
-        nodes = _marked(space, of_cells[inside & beyond].ravel()) & _marked(space, of_cells[inside & ~beyond].ravel())
+        sides = (marked_nodes(space, of_cells[inside & side].ravel()) for side in (beyond, ~beyond))
+        nodes = np.logical_and(*sides)
     touching = nodes[of_cells].any(axis=1)
-    far_nodes, near_nodes = (_marked(space, of_cells[touching & side].ravel()) for side in (beyond, ~beyond))
+    far_nodes, near_nodes = (marked_nodes(space, of_cells[touching & side].ravel()) for side in (beyond, ~beyond))
     where = "the mesh" if effect.region is None else f"region {effect.region!r}"
     for wrong, reason in (
         (not parallel.any_rank(mesh.comm, bool(nodes.any())), f"the plane does not cut {where}"),
@@ -129,12 +130,3 @@ def _plane(space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: st
     if np.sqrt(max(spread[0], 0.0) / sums[-1]) > DIGITS_OF_FILES * tagged.size:
         raise SceneError([(f"{path}.section", "its facets are not in one plane: give point and axis instead")])
     return point, directions[:, 0]
-
-
-def _marked(space: fem.FunctionSpace, nodes: npt.NDArray[np.int32]) -> _Flags:
-    """Which nodes of this rank, ghosts included, any rank has named."""
-    mark = la.vector(space.dofmap.index_map, 1, dtype=np.int32)
-    mark.array[nodes] = 1
-    mark.scatter_reverse(la.InsertMode.add)
-    mark.scatter_forward()
-    return np.asarray(mark.array > 0)

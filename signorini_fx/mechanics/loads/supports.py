@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import default_scalar_type, fem, la
+from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices, marked_nodes, node_positions
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -263,7 +263,7 @@ def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh
     away = np.linalg.norm(x - point, axis=1)
     near = away <= ROOT_OF_EPS * tagged.size
     if effect.region is not None:
-        near &= _of_region(space, tagged, effect.region)
+        near &= marked_nodes(space, space.dofmap.list[tagged.cells(effect.region)].ravel())
     candidates = np.flatnonzero(near)
     if not parallel.any_rank(tagged.mesh.comm, candidates.size > 0):
         nearest = parallel.gather_rows(tagged.mesh.comm, np.column_stack((away, x))[np.argsort(away)[:1]])
@@ -279,16 +279,6 @@ def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh
         )
         raise SceneError([(f"{path}.at", message)])
     return candidates
-
-
-def _of_region(space: fem.FunctionSpace, tagged: TaggedMesh, region: str) -> npt.NDArray[np.bool_]:
-    """Which nodes of this rank, ghosts included, belong to cells of a region, shape (nodes,); collective."""
-    mark = fem.Function(space)
-    at = mark.x.array.reshape(-1, space.dofmap.index_map_bs)
-    at[space.dofmap.list[tagged.cells(region)].ravel()] = 1.0
-    mark.x.scatter_reverse(la.InsertMode.add)
-    mark.x.scatter_forward()
-    return np.asarray(mark.x.array.reshape(at.shape)[:, 0] > 0)
 
 
 def forces_at_nodes(load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
