@@ -259,7 +259,7 @@ class ProblemOfScene(NonlinearContactProblem):
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
                 self.linear.give_gap(number, gap)
             if self.statement.contact[number].friction.timed:
-                foundations.give_friction(number, _at_its_time(entry.friction))
+                foundations.change(number, friction=_at_its_time(entry.friction))
         dimension = self.model.tagged.dimension
         placed = {number: moving for number, moving in self.shapes.items() if not moving.shape.driven}
         for number, moving in placed.items():

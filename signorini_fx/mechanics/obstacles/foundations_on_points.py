@@ -220,13 +220,10 @@ class Foundations:
 
     def give_gap(self, number: int, value: Any) -> None:
         """Another gap of a contact, or of a pair by geometry another allowance: a number or a callable."""
-        self._change(number, **{"allowance" if self._contact[number].by_geometry else "gap": value})
+        self.change(number, **{"allowance" if self._contact[number].by_geometry else "gap": value})
 
-    def give_friction(self, number: int, friction: FrictionLaw) -> None:
-        """Another friction law of a contact that has one."""
-        self._change(number, friction=friction)
-
-    def _change(self, number: int, **values: Any) -> None:
+    def change(self, number: int, **values: Any) -> None:
+        """Another gap or friction law of a contact that has one."""
         contact = list(self._contact)
         contact[number] = replace(contact[number], **values)
         self._contact = contact
