@@ -48,14 +48,10 @@ def _traction(pressure: Any, u: fem.Function, kinematics: Kinematics) -> Any:
     return -pressure * ufl.as_vector([along[k] for k in range(dim)])
 
 
-def follows(statement: Statement, effect: Any) -> bool:
-    """Whether an effect has a pressure that follows the body: where materials know finite strains."""
-    return bool(getattr(effect, "pressure_acts", False)) and statement.finite_strains
-
-
 def following(statement: Statement) -> list[Any]:
-    """The tractions of a statement whose pressure follows the body."""
-    return [effect for effect in statement.effects.get("traction", ()) if follows(statement, effect)]
+    """The tractions of a statement whose pressure follows the body: where materials know finite strains."""
+    tractions = statement.effects.get("traction", ()) if statement.finite_strains else ()
+    return [traction for traction in tractions if traction.pressure_acts]
 
 
 def carried_loads(statement: Statement) -> list[Any]:
