@@ -49,7 +49,6 @@ class MovingFoundation:
         stiffness: of springs to the ground, force / length, shape (k,).
         number: of the foundation of each unknown, from 0, shape (k,).
         bodies: these foundations, shape (t,).
-        length: at which a rotation moves by one.
     """
 
     modes: Nodal
@@ -57,7 +56,6 @@ class MovingFoundation:
     stiffness: npt.NDArray[np.float64]
     number: npt.NDArray[np.int64]
     bodies: Sequence[RigidBody]
-    length: float
 
     @property
     def loose(self) -> npt.NDArray[np.bool_]:

@@ -15,8 +15,8 @@ see tau_N y and tau_T y as before.  Gap and normals are those of the place where
 against its geometry, like the displacement of the body.
 
 The k unknowns are the last ones, on the last rank: the numbers of all others stay as they are.  ``RigidBodies`` is what
-the solver knows of them; ``RigidBodyMotion`` is how they have moved in a result, with a formula of its own, and the
-certificate's opinion on their balance.
+the solver knows of them; ``RigidBodyMotion`` is how they have moved in a result, and the certificate's opinion on
+their balance.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class RigidBodies:
             modes[touching, :, k] = rigid_modes(self.places(boundary)[touching], pivot, np.array(self.length))
         flat = modes.reshape(boundary.size, dim, count * motion_count)
         number = np.repeat(np.arange(count), motion_count)
-        foundation = MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies, self.length)
+        foundation = MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies)
         moving = replace(boundary, moving=foundation)
         if moving.friction_axes is not None:
             moving.friction_axes.check_supports(moving.points.movable, "contact.friction", moving.comm)
@@ -177,10 +177,8 @@ class RigidBodyMotion:
 
     def at(self, x: _Floats) -> _Floats:
         """The displacement of the rigid body at points of shape (n, d), length."""
-        arm = x - self.reference
-        if self.rotation.size == 1:
-            return self.translation + self.rotation * np.column_stack((-arm[:, 1], arm[:, 0]))
-        return np.asarray(self.translation + np.cross(self.rotation, arm))
+        motion = np.concatenate((self.translation, self.rotation))
+        return np.asarray(rigid_modes(x, self.reference, np.array(1.0)) @ motion)
 
     def gap_error(self, contact: ContactState, shapes: Mapping[int, Any]) -> float:
         """By how much the gap of the rigid body where it ends up differs at most from the linearised one, where it

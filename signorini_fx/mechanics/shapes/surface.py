@@ -134,7 +134,7 @@ def _rim(points: Array, cells: Rows) -> Rows:
     return np.stack((cells, np.roll(cells, -1, axis=1)), axis=2).reshape(-1, 2)
 
 
-class InThePlane:
+class InThePlane(StraightPieces):
     """The rim of an area.
 
     Attributes:
@@ -149,16 +149,11 @@ class InThePlane:
 
     def __init__(self, points: Array, sides: Rows) -> None:
         outer = ~np.isin(sides[:, 0] * len(points) + sides[:, 1], sides[:, 1] * len(points) + sides[:, 0])
-        # Clockwise: outside is on the left.
-        self._pieces = StraightPieces(points, sides[outer][:, ::-1])
+        super().__init__(points, sides[outer][:, ::-1])  # clockwise: outside is on the left
         ends = points[sides[outer]]
         area = float(np.linalg.det(ends - ends.mean(axis=(0, 1))).sum()) / 2
         perimeter = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
         self.extent = np.stack((ends.min(axis=(0, 1)), ends.max(axis=(0, 1)))), area / perimeter
-
-    def __call__(self, x: Array) -> tuple[Array, Array]:
-        """Signed distances and normals, shapes (n,) and (n, 2)."""
-        return self._pieces(x)
 
 
 class InSpace:
