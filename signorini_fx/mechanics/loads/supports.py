@@ -54,7 +54,7 @@ class Supports:
     ) -> Supports:
         """Those of a scene; collective."""
         place = statement, space, facets, tagged
-        conditions, skew = dirichlet_conditions(*place), skew_supports(*place)
+        conditions, skew = conditions_on(*place)
         owned = space.dofmap.index_map.size_local * space.mesh.geometry.dim
         fixed = prescribed(space, [condition for _, condition in conditions])[0][:owned]
         return cls(conditions, skew, turned_nodes(statement, space, conditions, skew, fixed), fixed, place)
@@ -66,22 +66,37 @@ class Supports:
             return self.conditions, self.turned
         moved = tuple(effect.at_time(statement.time_at(step)) for effect in statement.displacement)
         place = statement.changed(displacement=moved), space, facets, tagged
-        axes, skew = dirichlet_conditions(*place), skew_supports(*place)
+        axes, skew = conditions_on(*place)
         updated = [replace(initial, values=current.values) for initial, current in zip(self.skew, skew, strict=True)]
         pairs = [(effect, support) for (effect, _), (_, support) in zip(self.conditions, axes, strict=True)]
         return pairs, None if self.turned is None else replace(self.turned, supports=updated)
 
 
-def dirichlet_conditions(
+def conditions_on(
     statement: Statement, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
-) -> Conditions:
-    """Dirichlet conditions, one per component; where two meet the later one applies."""
+) -> tuple[Conditions, list[SkewSupport]]:
+    """Dirichlet conditions, one per component, of which the later one applies where two meet; and the supports along
+    the normals of flat boundaries across no axis; collective.
+    """
+    from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport
+
     dim = space.mesh.topology.dim - 1
-    supports = []
+    supports, skew = Conditions(), list[SkewSupport]()
     for index, effect in enumerate(statement.displacement):
         if not effect.holding:
             continue
-        for component, value in components(effect, index, tagged):
+        components: Sequence[Any] = effect.components
+        if effect.normal is not None:
+            normal = flat_normal(effect, index, tagged)
+            if np.abs(normal).max() < 1.0:
+                nodes = fem.locate_dofs_topological(space, dim, facets[str(effect.boundary)])
+                values = sample(effect.normal, node_positions(space)[nodes].T)
+                skew.append(SkewSupport(effect, index, nodes, normal, values))
+                continue
+            components = [_times(sign, effect.normal) if sign else None for sign in normal.tolist()]
+        for component, value in enumerate(components):
+            if value is None:
+                continue
             subspace = space.sub(component)
             if effect.at is not None:
                 node = node_at(space, effect, f"displacement[{index}]", tagged)
@@ -98,9 +113,20 @@ def dirichlet_conditions(
                 function.interpolate(lambda x, value=value: sample(value, x))
                 support = fem.dirichletbc(function, pair, subspace)
             supports.append((effect, support))
-    components_on_axis = statement.kinematics_in(tagged.dimension).zero_on_axis
-    nodes = np.flatnonzero(on_axis(node_positions(space), tagged)) if components_on_axis else np.zeros(0, np.int64)
-    for component in components_on_axis:
+    return [*supports, *_conditions_on_axis(statement, space, tagged)], skew
+
+
+def _times(sign: float, value: Any) -> Any:
+    """A component of a displacement along a normal."""
+    return sign * value if isinstance(value, float) else lambda x: sign * sample(value, x)
+
+
+def _conditions_on_axis(statement: Statement, space: fem.FunctionSpace, tagged: TaggedMesh) -> Conditions:
+    """Those of the components that vanish on an axis of revolution."""
+    components = statement.kinematics_in(tagged.dimension).zero_on_axis
+    nodes = np.flatnonzero(on_axis(node_positions(space), tagged)) if components else np.zeros(0, np.int64)
+    supports = []
+    for component in components:
         dofs = (space.mesh.geometry.dim * nodes + component).astype(np.int32)
         support = fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component))
         supports.append((_ON_AXIS, support))
@@ -114,18 +140,6 @@ _ON_AXIS = PrescribedDisplacement(boundary="on the axis", x=0.0)
 def on_axis(x: npt.NDArray[np.float64], tagged: TaggedMesh) -> npt.NDArray[np.bool_]:
     """Which of some points of shape (n, 3) or (n, 2) are on the axis of revolution, shape (n,)."""
     return np.asarray(np.abs(x[:, 0]) <= ROOT_OF_EPS * tagged.size)
-
-
-def components(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> list[tuple[int, Any]]:
-    """(component, value) of each prescribed component of a displacement effect."""
-    if effect.normal is None:
-        return [(k, value) for k, value in enumerate(effect.components) if value is not None]
-    normal = flat_normal(effect, index, tagged)
-    if np.abs(normal).max() < 1.0:
-        return []  # a skew support
-    axis = int(np.abs(normal).argmax())
-    sign, value = float(normal[axis]), effect.normal
-    return [(axis, sign * value if isinstance(value, float) else lambda x: sign * sample(value, x))]
 
 
 def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
@@ -149,24 +163,6 @@ def flat_normal(effect: PrescribedDisplacement, index: int, tagged: TaggedMesh) 
         message = f"boundary {effect.boundary!r} is not flat: use bilateral contact without friction"
         raise SceneError([(f"displacement[{index}].normal", message)])
     return np.pad(normal, (0, mesh.geometry.dim - dim))
-
-
-def skew_supports(
-    statement: Statement, space: fem.FunctionSpace, facets: dict[str, npt.NDArray[np.int32]], tagged: TaggedMesh
-) -> list[SkewSupport]:
-    """The supports along the normal of a flat boundary across no axis; collective."""
-    from signorini_fx.mechanics.contact_points.turned_supports import SkewSupport
-
-    supports = []
-    for index, effect in enumerate(statement.displacement):
-        if effect.normal is None or not effect.holding:
-            continue
-        normal = flat_normal(effect, index, tagged)
-        if np.abs(normal).max() < 1.0:
-            nodes = fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets[str(effect.boundary)])
-            values = sample(effect.normal, node_positions(space)[nodes].T)
-            supports.append(SkewSupport(effect, index, nodes, normal, values))
-    return supports
 
 
 def prescribed(
@@ -235,7 +231,7 @@ def check_overlap(
     for index, support in enumerate(statement.displacement):
         if support.at is not None:  # as where a supported side ends at the contact
             continue
-        axes = [component for component, _ in components(support, index, tagged)]
+        axes = [component for component, value in enumerate(support.components) if value is not None]
         prescribed = np.eye(tagged.mesh.geometry.dim)[axes] if axes else flat_normal(support, index, tagged)[None]
         for part, effect in enumerate(statement.contact):
             shared = np.intersect1d(facets[support.boundary], facets[effect.boundary]).size
