@@ -94,18 +94,15 @@ class CellSlopes:
         """Whether the mesh is where it was, on this rank."""
         return np.array_equal(self._mesh.geometry.x, self._seen)
 
-    def of_places(self) -> Iterator[Array]:
-        """Of each point the derivatives of places, shape (d, d, cells), the direction in the reference cell last."""
-        dim = self._dimension
-        for slopes in self._slopes[0]:
-            yield (slopes @ self._x).reshape(dim, dim, -1).transpose(1, 0, 2)
-
     def along_reference(self, displacement: fem.Function) -> Iterator[tuple[Array, Array]]:
-        """Of each point the derivatives of places, and of displacements likewise."""
+        """Of each point the derivatives of places, and of displacements likewise, shape (d, d, cells), the direction in
+        the reference cell last.
+        """
         dim, components = self._dimension, self._mesh.geometry.dim
         y = _by_function(displacement.x.array.reshape(-1, components)[self._nodes])
-        for of_place, slopes in zip(self.of_places(), self._slopes[1], strict=True):
-            yield of_place, (slopes @ y).reshape(dim, components, -1).transpose(1, 0, 2)
+        for of_place, slopes in zip(*self._slopes, strict=True):
+            of_x, of_y = (of_place @ self._x).reshape(dim, dim, -1), (slopes @ y).reshape(dim, components, -1)
+            yield of_x.transpose(1, 0, 2), of_y.transpose(1, 0, 2)
 
 
 def _by_function(values: Array) -> Array:

@@ -119,11 +119,11 @@ class BodyCells:
         of_cell = 1.0 if _inradius(shape) == math.inf else SHAPE_INSIDE
         return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
 
-    def swallowed(self, shape: Any, added: float = 0.0) -> InsideBody | None:
+    def swallowed(self, shape: Any) -> InsideBody | None:
         """Where the middle of the shape lies inside the undeformed body, so that the surface of the body does not see
-        it, or from behind; None: nowhere; collective.  For the arguments see ``inside``.
+        it, or from behind; None: nowhere; collective.
         """
-        return self._too_deep(self.x, shape, added, SHAPE_MIDDLE, math.inf)
+        return self._too_deep(self.x, shape, 0.0, SHAPE_MIDDLE, math.inf)
 
     def passed(self, before: tuple[Array, Any], now: tuple[Array, Any], added: float = 0.0) -> InsideBody | None:
         """Where the shape has been inside the body on the straight way between two states; None: nowhere; collective.

@@ -159,8 +159,8 @@ class SlidingPieces:
     def _second(self, pieces: Indices, forces: Array) -> Array:
         """The products of some pieces, shape (k, d c, d c)."""
         share, facing, across = self.share[pieces], self.facing[pieces], self.across[pieces]
-        first = self._of_master
-        last = first + self.slope.shape[3]
+        last = self.blocks.shape[1] - self.turns.shape[2]
+        first = last - self.slope.shape[3]  # of the vectors of the master
         shifts = [-self._rows(share, dual[pieces], dual[pieces]) for dual in self.dual]
         turning, along = np.zeros_like(share), np.zeros_like(share)
         turning[..., last:] = self.turns[pieces] * forces[..., None]
@@ -173,11 +173,6 @@ class SlidingPieces:
             scaled = (forces * self.curved[pieces])[..., None] * shifts[0]
             total -= np.matmul(shifts[0].swapaxes(1, 2), scaled)
         return np.asarray(total)
-
-    @property
-    def _of_master(self) -> int:
-        """Which of the vectors of a piece is the first one of the master."""
-        return self.blocks.shape[1] - self.turns.shape[2] - self.slope.shape[3]
 
     def _rows(self, factor: Array, vectors: Array, across: Array) -> Array:
         """Vectors at points, shape (p, q, d), times factors, shape (p, q, c), as rows, shape (p, q, d c); ``across``:
