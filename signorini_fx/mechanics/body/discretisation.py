@@ -245,9 +245,9 @@ def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
     foundations = _foundations_on(model, statement)
     shapes = foundations.shapes()
     rests = at_rest(model.space, model.supports, model.turned, model.fixed)
-    boundary = foundations.boundary(shapes, model.fixed, model.turned, rests)
+    boundary = model.rigid.on(foundations.boundary(shapes, model.fixed, model.turned, rests))
     data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), model.scales)
-    return {"boundary": model.rigid.on(boundary), "data": data, "law": law, "pairs": foundations.pairs}
+    return {"boundary": boundary, "data": data, "law": law, "pairs": foundations.pairs}
 
 
 def law_of(model: Model, statement: Statement) -> PointFriction | None:
