@@ -40,9 +40,9 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
+from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion, turn_of
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
-from signorini_fx.mechanics.statement.rigid_shape import Shape, distance_from, turning
+from signorini_fx.mechanics.statement.rigid_shape import Shape, distance_from
 from signorini_fx.tuned import DIFFERENCE_STEP, MOST_TURNED, NEGLIGIBLE
 
 Array = npt.NDArray[np.float64]
@@ -282,12 +282,6 @@ def rigid_motion(x: Array, translation: Array, turn: Array, pivot: Array) -> Arr
     rotation vector, radians, in 2D an angle, shape (1,) or (3,).
     """
     return np.asarray((x - pivot) @ (turn_of(turn) - np.eye(x.shape[1])).T + translation)
-
-
-def turn_of(turn: Array) -> Array:
-    """The matrix of a rotation vector in radians, in 2D of an angle, shape (d, d)."""
-    degrees = [float(angle) for angle in np.degrees(turn)]
-    return turning(tuple(degrees), 3) if turn.size == 3 else turning(degrees[0], 2)
 
 
 def across_arms(turn: Array, arms: Array) -> Array:

@@ -37,10 +37,10 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
     with_rotations,
 )
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
+from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw, embedding
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
-from signorini_fx.mechanics.rigid.rigid_bodies import Driven, with_more_unknowns, without_more
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven, with_more_unknowns
 from signorini_fx.mechanics.rigid.rigid_motions import (
     RigidMotions,
     nearest_motion,
@@ -214,9 +214,9 @@ class ElasticBody:
             stiffness.zeroRowsColumns((first + np.flatnonzero(self.fixed)).astype(PETSc.IntType), diag=0.0)
         turning = rotation
         if boundary is not None and boundary.moving is not None:
-            extra = self._rigid
-            springs = boundary.moving.stiffness[:extra]
-            stiffness, rotation = with_more_unknowns(stiffness, springs), without_more(rotation, stiffness, extra)
+            of_body, springs = stiffness, boundary.moving.stiffness[: self._rigid]
+            stiffness = with_more_unknowns(of_body, springs)
+            rotation = embedding(rotation, of_body, stiffness)
             if self.relative is not None:
                 self._add_relative(stiffness, rotation)
         diagonal = stiffness.getDiagonal()

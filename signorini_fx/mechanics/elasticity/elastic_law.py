@@ -185,9 +185,28 @@ class ElasticLaw:
         return False
 
 
+def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> PETSc.Mat:
+    """[Q 0], from all unknowns to displacements.
+
+    Args:
+        rotation: Q, from the unknowns of ``own``; None: the identity.
+        own: a matrix of these.
+        whole: the matrix of all unknowns, on each rank those of ``own`` first.
+    """
+    rows, first = own.getSizes()[0], own.getOwnershipRange()[0]
+    if rotation is None:
+        starts = np.arange(rows[0] + 1, dtype=PETSc.IntType)
+        columns, values = first + starts[:-1], np.ones(rows[0])
+    else:
+        rows = rotation.getSizes()[0]
+        starts, columns, values = rotation.getValuesCSR()  # Q turns the nodes of each rank within it
+    csr = (starts, (columns + whole.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
+    return PETSc.Mat().createAIJ((rows, whole.getSizes()[1]), csr=csr, comm=own.comm)
+
+
 def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:
-    """A displacement, and what else its law has found with it."""
-    return displacement, *getattr(displacement, "further", ())
+    """A displacement, and the pressure that its law has found with it."""
+    return (displacement, displacement.hydrostatic) if hasattr(displacement, "hydrostatic") else (displacement,)
 
 
 @dataclass(frozen=True)

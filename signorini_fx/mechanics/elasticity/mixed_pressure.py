@@ -34,7 +34,7 @@ from signorini_fx.errors import needs_fenicsx
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, within
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, embedding, within
 from signorini_fx.mechanics.elasticity.moduli import graded, of_materials
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.tuned import NOTHING_LEFT
@@ -54,11 +54,6 @@ class MixedDisplacement(fem.Function):
     def __init__(self, space: fem.FunctionSpace, hydrostatic: fem.Function, name: str = "displacement") -> None:
         super().__init__(space, name=name)
         self.hydrostatic = hydrostatic
-
-    @property
-    def further(self) -> tuple[fem.Function]:
-        """The pressure that belongs to the displacement."""
-        return (self.hydrostatic,)
 
 
 def hydrostatic_of(displacement: fem.Function) -> fem.Function:
@@ -296,20 +291,8 @@ class MixedLaw(SceneLaw):
         blocks = [[stiffness, divergence.transpose(PETSc.Mat())], [divergence, self.compressibility]]
         matrix = PETSc.Mat().createNest(blocks, comm=stiffness.comm).convert("aij")
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        embedding = self._embedding(stiffness, rotation, matrix)
-        return matrix, embedding, embedding
-
-    def _embedding(self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, joined: PETSc.Mat) -> PETSc.Mat:
-        """[Q 0], from the unknowns of K to displacements, with Q ``rotation``."""
-        rows, first = stiffness.getSizes()[0], stiffness.getOwnershipRange()[0]
-        if rotation is None:
-            starts = np.arange(rows[0] + 1, dtype=PETSc.IntType)
-            columns, values = first + starts[:-1], np.ones(rows[0])
-        else:
-            rows = rotation.getSizes()[0]
-            starts, columns, values = rotation.getValuesCSR()  # Q turns the nodes of each rank within it
-        csr = (starts, (columns + joined.getOwnershipRange()[0] - first).astype(PETSc.IntType), values)
-        return PETSc.Mat().createAIJ((rows, joined.getSizes()[1]), csr=csr, comm=stiffness.comm)
+        displacements = embedding(rotation, stiffness, matrix)
+        return matrix, displacements, displacements
 
     def lifted(self, prescribed: fem.Function, pressure_load: _Floats | None = None) -> _Floats:
         """-B y_D, with the ``pressure_load`` of an ``AppliedLoad``."""

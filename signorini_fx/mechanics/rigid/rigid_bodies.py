@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
-from scipy.spatial.transform import Rotation
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
@@ -36,6 +35,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
+from signorini_fx.mechanics.statement.rigid_shape import turning
 
 _Floats = npt.NDArray[np.float64]
 # Force and moment on a rigid body, and the components that are prescribed, nan where they are free.
@@ -191,11 +191,7 @@ class RigidBodyMotion:
         """
         if not np.isfinite(self.translation).all():
             return np.nan
-        boundary, dim = contact.boundary, self.reference.size
-        about = np.zeros(3)
-        about[-self.rotation.size :] = self.rotation  # in 2D about the last axis
-        turn = np.asarray(Rotation.from_rotvec(about).as_matrix())[:dim, :dim]
-        off = [np.zeros(0)]
+        boundary, turn, off = contact.boundary, turn_of(self.rotation), [np.zeros(0)]
         for part, shape in shapes.items():
             x = boundary.centre[(boundary.part == part) & (contact.pressure > 0)]
             if x.size:
@@ -275,6 +271,12 @@ class RigidBodyMotion:
         return max(force_share, float(missed.max(initial=0.0)) / far if far > 0 else float(missed.max(initial=0.0) > 0))
 
 
+def turn_of(turn: _Floats) -> _Floats:
+    """The matrix of a rotation vector in radians, in 2D of an angle, shape (d, d)."""
+    degrees = [float(angle) for angle in np.degrees(turn)]
+    return turning(tuple(degrees), 3) if turn.size == 3 else turning(degrees[0], 2)
+
+
 def with_more_unknowns(matrix: PETSc.Mat, diagonal: _Floats) -> PETSc.Mat:
     """[A 0; 0 S] with the entries of S for the unknowns that this rank adds, zeros too in its pattern."""
     (rows, _), (_, total_columns) = matrix.getSizes()
@@ -286,22 +288,3 @@ def with_more_unknowns(matrix: PETSc.Mat, diagonal: _Floats) -> PETSc.Mat:
         np.append(values, diagonal),
     )
     return PETSc.Mat().createAIJ(((rows + extra, None), (rows + extra, None)), csr=csr, comm=matrix.comm)
-
-
-def without_more(rotation: PETSc.Mat | None, matrix: PETSc.Mat, extra: int) -> PETSc.Mat:
-    """[Q 0], from the unknowns to displacements y = Q x.
-
-    Args:
-        rotation: Q without the unknowns of rigid bodies; None: the identity.
-        matrix: A, for the layout of y.
-        extra: unknowns that this rank adds.
-    """
-    (rows, _), (columns, _) = matrix.getSizes()
-    if rotation is None:
-        first, numbers = matrix.getOwnershipRange()[0], np.arange(rows + 1)
-        csr = (numbers, first + numbers[:-1], np.ones(rows))
-    else:
-        csr = rotation.getValuesCSR()
-    starts, names, values = csr
-    entries = (starts.astype(PETSc.IntType), names.astype(PETSc.IntType), values)
-    return PETSc.Mat().createAIJ(((rows, None), (columns + extra, None)), csr=entries, comm=matrix.comm)
