@@ -350,7 +350,7 @@ class ElasticBody:
             nearest = nearest_motion(
                 self.motions, self.fixed.reshape(-1, dim), prescribed_values.reshape(-1, dim), self.turned, comm
             )
-            free = self.vector(nearest).getArray(readonly=True)
+            free = self.vector(self.motions.of_pieces(nearest)).getArray(readonly=True)
             start.getArray()[~self.prescribed] = free[~self.prescribed]
         load, fixed = self.vector(lifted), self.prescribed
         load.getArray()[self._held.size :] = self.elastic.lifted(prescribed, pressure_load)

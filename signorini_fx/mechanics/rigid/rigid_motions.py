@@ -237,7 +237,7 @@ def rigid_motions(
     held, moved = np.flatnonzero(fixed.any(axis=1)), np.zeros(fixed.shape)
     for column in free.T:
         moved[held] = motions.of_pieces(column, held)
-        column -= _nearest(motions, *_at_supports(motions, fixed, moved, turned, comm))
+        column -= nearest_motion(motions, fixed, moved, turned, comm)
     return replace(motions, free=free, assembly=assembly)
 
 
@@ -317,7 +317,7 @@ def nearest_motion(
     turned: TurnedNodes | None,
     comm: MPI.Comm,
 ) -> _Floats:
-    """The motion without strain that is nearest to prescribed displacements, shape (owned nodes, d); collective.
+    """The motions of the pieces that are nearest to prescribed displacements, shape (m p,); collective.
 
     Args:
         motions: of the body.
@@ -326,14 +326,7 @@ def nearest_motion(
         turned: nodes whose components in ``fixed`` are in a frame of their own.
         comm: the ranks that share the body.
     """
-    products = _at_supports(motions, fixed, prescribed, turned, comm)
-    return motions.of_pieces(_nearest(motions, *products))[: fixed.shape[0]]
-
-
-def _nearest(motions: RigidMotions, supported: _Floats, moved: _Floats) -> _Floats:
-    """The motions of the pieces that are nearest to a displacement, from the products of ``_at_supports``, shape
-    (m p,).
-    """
+    supported, moved = _at_supports(motions, fixed, prescribed, turned, comm)
     inverse = np.asarray(np.linalg.pinv(supported, rcond=ROOT_OF_EPS, hermitian=True), dtype=np.float64)
     return np.asarray(np.einsum("pij,pj->pi", inverse, moved).ravel())
 
