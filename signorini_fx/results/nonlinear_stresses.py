@@ -265,12 +265,7 @@ class NonlinearStresses(RawStresses):
     def _extreme_of_points(self, values: Array, sign: float) -> Extreme:
         """The largest or smallest of values at the points; collective."""
         x, mesh = self.at_points.x, self.tensor.function_space.mesh
-
-        def cell_of(at: int) -> int:
-            cell = np.array([at // x.shape[1]], dtype=np.int32)
-            return int(mesh.topology.index_map(mesh.topology.dim).local_to_global(cell)[0])
-
-        return extreme_at(self.comm, values.ravel(), x.reshape(-1, x.shape[2]), cell_of, sign)
+        return extreme_at(mesh, values.ravel(), x.reshape(-1, x.shape[2]), lambda at: at // x.shape[1], sign)
 
 
 def _fill(function: fem.Function, at_points: PointStress, values: Array) -> None:

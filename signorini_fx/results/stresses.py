@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx.machine import compat, parallel
@@ -146,12 +147,8 @@ class StressFields:
         space = function.function_space
         values = function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
         x = node_positions(space)[:, : space.mesh.topology.dim]
-
-        def cell_of(at: int) -> int:
-            cell = np.flatnonzero((space.dofmap.list == at).any(axis=1))[:1].astype(np.int32)
-            return int(space.mesh.topology.index_map(x.shape[1]).local_to_global(cell)[0])
-
-        return extreme_at(self.comm, values, x, cell_of, sign)
+        cells = space.dofmap.list
+        return extreme_at(space.mesh, values, x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0], sign)
 
     def utilised(self, limit: fem.Function) -> Extreme:
         """Where the von Mises stress is the largest share of a limit; ``limit``: a stress of each cell, a function of
@@ -361,17 +358,19 @@ def check_has_extremes(field: str) -> None:
         raise ValueError(f"{field!r} is no field with extremes: take 'von_mises', 'principal' or one of {components}")
 
 
-def extreme_at(comm: MPI.Comm, values: Nodal, x: Nodal, cell_of: Callable[[int], int], sign: float) -> Extreme:
-    """The largest of some values, or with ``sign`` -1 the smallest, and where; ``cell_of``: gives the global number of
+def extreme_at(mesh: dmesh.Mesh, values: Nodal, x: Nodal, cell_of: Callable[[int], Any], sign: float) -> Extreme:
+    """The largest of some values, or with ``sign`` -1 the smallest, and where; ``cell_of``: gives the local number of
     the cell of one of them; those that are not finite do not count; collective.
     """
+    comm, cells = mesh.comm, mesh.topology.index_map(mesh.topology.dim)
     values = np.where(np.isfinite(values), sign * values, -np.inf)
     at = int(values.argmax()) if values.size else 0
     local_extreme = float(values[at]) if values.size else -np.inf
     best, rank = comm.allreduce((local_extreme, -comm.rank), op=MPI.MAX)
     where: tuple[tuple[float, ...], int] = (), -1
     if -rank == comm.rank and values.size:
-        where = tuple(map(float, x[at])), cell_of(at)
+        cell = np.array([cell_of(at)], dtype=np.int32)
+        where = tuple(map(float, x[at])), int(cells.local_to_global(cell)[0])
     return Extreme(sign * best, *comm.bcast(where, root=-rank))
 
 
