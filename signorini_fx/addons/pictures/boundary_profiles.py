@@ -286,18 +286,15 @@ def _starts(s: Floats) -> list[int]:
 
 def _closed(columns: Table) -> Table:
     """The columns of a boundary with the first row of each closed piece once more at its end."""
-    if "to_next" not in columns:
-        return columns
     s, to_next = (np.asarray(columns[key], dtype=np.float64) for key in ("s", "to_next"))
-    starts = _starts(s)
-    ends = [*starts[1:], len(s)]
-    rows = [[*range(a, b), *([a] if to_next[b - 1] > 0 else [])] for a, b in zip(starts, ends, strict=True)]
-    along = [
-        np.append(s[a:b], s[b - 1] + to_next[b - 1])[: len(piece)]
-        for a, b, piece in zip(starts, ends, rows, strict=True)
-    ]
-    all_rows = np.concatenate([np.array(piece, dtype=np.int64) for piece in rows])
-    return {key: np.asarray(column)[all_rows] for key, column in columns.items()} | {"s": np.concatenate(along)}
+    rows, along = list[int](), list[float]()
+    for first, end in itertools.pairwise([*_starts(s), len(s)]):
+        rows += range(first, end)
+        along += s[first:end].tolist()
+        if to_next[end - 1] > 0:
+            rows.append(first)
+            along.append(float(s[end - 1] + to_next[end - 1]))
+    return {key: np.asarray(column)[rows] for key, column in columns.items()} | {"s": np.array(along)}
 
 
 def state_strip(axes: Axes, boundary: PlaneBoundary) -> None:
