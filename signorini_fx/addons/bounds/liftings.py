@@ -247,13 +247,10 @@ def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:
     return np.asarray(forms + forms.transpose(0, 2, 1)) / 2
 
 
-def reference_liftings(d: int) -> tuple[Array, Array]:
+def _reference_liftings(d: int) -> Array:
     """Stresses in the reference cell that lift the forces e_i (l_j - Q l_j), where l_j is the barycentric coordinate of
-    the j-th unit vector and Q l_j the constants on the parts with its moments, number d i + j.
-
-    Returns:
-        At the vertices and the middles of the edges, in the order of ``EDGES``, of the parts, shape (d^2, d + 1, nodes,
-        3 or 6); and the largest error of their divergence, tractions and jumps.
+    the j-th unit vector and Q l_j the constants on the parts with its moments, number d i + j: at the vertices and the
+    middles of the edges, in the order of ``EDGES``, of the parts, shape (d^2, d + 1, nodes, 3 or 6).
     """
     count, components = d + 1, len(ROWS[d])
     nodes = [*combinations(range(count), 1), *combinations(range(count), 2)]
@@ -286,7 +283,7 @@ def reference_liftings(d: int) -> tuple[Array, Array]:
     matrix = np.concatenate(rows)
     right = np.concatenate((np.zeros((len(matrix) - len(forces), d * d)), -forces))
     liftings = np.linalg.pinv(matrix) @ right
-    return liftings.T.reshape(d * d, count, len(nodes), components), np.abs(matrix @ liftings - right).max()
+    return np.asarray(liftings.T.reshape(d * d, count, len(nodes), components))
 
 
 def _slopes_at(corner: int, d: int) -> Array:
@@ -302,7 +299,7 @@ def _slopes_at(corner: int, d: int) -> Array:
 @cache
 def _products(d: int) -> Array:
     """Means over the cell of the products of the components c and e of the liftings i and j, shape (c, e, i, j)."""
-    liftings = reference_liftings(d)[0]
+    liftings = _reference_liftings(d)
     first, second = EDGES[d].T
     count = d + 1
 
