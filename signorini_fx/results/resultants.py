@@ -221,9 +221,7 @@ class Resultants:
         """The forces of the contact tractions, or those of some contacts, shape (owned nodes, d); collective."""
         total, surface = np.zeros_like(self._x), self.acting.balance.surface
         if self.contact is not None and self.conditions is not None:
-            tractions = Tractions.of(self.contact)
-            points = ContactNodes(surface, self.conditions, tractions.pressure, tractions.shear)
-            nodes, forces, _ = points.forces(*parts)
+            nodes, forces, _ = ContactNodes.of(surface, self.conditions, Tractions.of(self.contact)).forces(*parts)
             np.add.at(total, nodes, forces)
         return total
 

@@ -209,7 +209,7 @@ class SolutionOnMesh:
         boundary = self.solution.contact.boundary
         pressure = np.einsum("nd,nd->n", traction, boundary.normal)
         shear = traction - pressure[:, None] * boundary.normal
-        return Tractions(pressure, shear)
+        return Tractions(boundary.part, boundary.nodes, pressure, shear)
 
     def force(self, traction: Floats) -> float:
         """The sum of what presses at the contact points, force."""

@@ -170,6 +170,9 @@ def judged(
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
             one does not, its elastic slip is removed.
         rigid: how rigid bodies have moved, and what drives them.
+
+    Raises:
+        ValueError: the tractions are not those of the contact points.
     """
     forces, supports = balance.surface, balance.supports
     comm, dim = forces.space.mesh.comm, forces.dimension
@@ -198,7 +201,7 @@ def judged(
         units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
         left = equilibrium(balance, pieces, y, None, units, float(far.max()))
         return Certificate(equilibrium=max(left.share, volume), unjudged=left.unjudged, lost=left.lost, **figures)
-    nodes = ContactNodes(forces, contact, tractions.pressure, tractions.shear)
+    nodes = ContactNodes.of(forces, contact, tractions)
     at = nodes.pieces(pieces.piece)
     figures["coupling"] = max((pair.error() for pair in contact.pairs.values()), default=0.0)
 
@@ -223,7 +226,7 @@ def judged(
     length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
     (u_n, slip), origin = nodes.traces(nodal_displacements, moved), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
-        last = ContactNodes(forces, contact, before.tractions.pressure, before.tractions.shear)
+        last = ContactNodes.of(forces, contact, before.tractions)
         so_far = before.displacement.x.array.reshape(-1, dim)
         stress = np.maximum(stress, NO_FORCE * largest(last.felt))
         common = largest(last.terms(so_far[: forces.owned]))

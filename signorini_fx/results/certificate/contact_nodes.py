@@ -17,6 +17,7 @@ from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.results.certificate.body_nodes import BodyNodes
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.tuned import NEGLIGIBLE
 
 if TYPE_CHECKING:
@@ -73,6 +74,19 @@ class ContactNodes:
     contact: ContactConditions
     pressure: Nodal
     shear: Nodal
+
+    @classmethod
+    def of(cls, body: BodyNodes, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
+        """The contact points of a problem; collective.
+
+        Raises:
+            ValueError: the tractions are not those of the contact points of the problem.
+        """
+        boundary = contact.boundary
+        fit = np.array_equal(tractions.nodes, boundary.nodes) and np.array_equal(tractions.part, boundary.part)
+        if parallel.any_rank(body.comm, not fit):
+            raise ValueError("the tractions are not those of the contact nodes of the scene")
+        return cls(body, contact, tractions.pressure, tractions.shear)
 
     @property
     def nodes(self) -> npt.NDArray[np.int32]:
