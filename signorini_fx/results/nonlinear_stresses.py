@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import basix
@@ -111,7 +111,7 @@ class NonlinearForces(NodalForces):
         self._body.move_to(step)
         followers, loads = self._body.followers, list[tuple[Any, Array]]()
         for effect, work in zip(followers.effects, followers.works, strict=True):
-            forms = self._compiled(("follower", id(effect)), lambda work=work: [work])
+            forms = self._compiled(("follower", id(effect)), partial(list, (work,)))
             loads.append((effect, -self._sum(forms)))
         return loads
 

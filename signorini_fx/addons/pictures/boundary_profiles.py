@@ -290,7 +290,7 @@ def _closed(columns: Table) -> Table:
     rows, along = list[int](), list[float]()
     for first, end in itertools.pairwise([*_starts(s), len(s)]):
         rows += range(first, end)
-        along += s[first:end].tolist()
+        along += list(s[first:end])
         if to_next[end - 1] > 0:
             rows.append(first)
             along.append(float(s[end - 1] + to_next[end - 1]))

@@ -137,7 +137,8 @@ def block_stiffness(
     size, comm, nodes = entries.block_size[0], forms[0].mesh.comm, entries.index_map(1)
     owned = entries.index_map(0).size_local
     starts = np.asarray(entries.indptr[: owned + 1], dtype=np.int64)
-    columns, blocks = entries.indices[: starts[-1]], entries.data.reshape(-1, size, size)[: starts[-1]]
+    data: npt.NDArray[np.float64] = np.asarray(entries.data, dtype=np.float64)
+    columns, blocks = entries.indices[: starts[-1]], data.reshape(-1, size, size)[: starts[-1]]
     of_row = np.repeat(np.arange(owned, dtype=columns.dtype), np.diff(starts))
     on_diagonal = np.flatnonzero(of_row == columns)
     if beside is not None:

@@ -93,7 +93,7 @@ def conditions_on(
                 values = sample(effect.normal, node_positions(space)[nodes].T)
                 skew.append(SkewSupport(effect, index, nodes, normal, values))
                 continue
-            components = [_times(sign, effect.normal) if sign else None for sign in normal.tolist()]
+            components = [_times(float(sign), effect.normal) if sign else None for sign in normal]
         for component, value in enumerate(components):
             if value is None:
                 continue

@@ -126,7 +126,7 @@ class StressRecovery:
     def squares(self, y: fem.Function, step: float = 0) -> npt.NDArray[np.float64]:
         """Its square for each owned cell, shape (cells,); collective."""
         self._fill(y, step)
-        total = np.zeros(1)
+        total: npt.NDArray[np.float64] = np.zeros(1)
         for cells in self._parts:
             self._project(cells)
             total = total + assemble(self._squares)
