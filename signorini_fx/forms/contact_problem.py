@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from dolfinx import fem
 from dolfinx.mesh import MeshTags
@@ -25,7 +25,6 @@ from signorini_fx.records import History, Status
 from signorini_fx.results.certificate.certificate import Certificate
 
 if TYPE_CHECKING:
-    from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
     from signorini_fx.quantities.differentiable import Gradient
     from signorini_fx.results.accuracy.error_estimates import Errors
     from signorini_fx.results.mechanics import StepResult
@@ -34,11 +33,20 @@ if TYPE_CHECKING:
     from signorini_fx.solving.load_steps import StepProgress
 
 
+class _Ended(Protocol):
+    """What knows how the last solve has ended."""
+
+    @property
+    def status(self) -> Status | None: ...
+    @property
+    def certificate(self) -> Certificate | None: ...
+
+
 class ProblemOfForms:
     """A problem with the results of a ``Solution``."""
 
     assembled: FormSolver
-    _ended: FormSolver | EquilibriumSolver  # what knows how the last solve has ended
+    _ended: _Ended
 
     def __repr__(self) -> str:
         dofmap = self.assembled.space.dofmap
