@@ -174,7 +174,8 @@ def open_checkpoint(
     """
     stored = Checkpoint(comm, folder, scene, restart=restart)
     if restart:
-        history.add(f"restart: {stored.found} complete load step(s) in {stored.path}")
+        steps = "1 complete load step" if stored.found == 1 else f"{stored.found} complete load steps"
+        history.add(f"restart: {steps} in {stored.path}")
     elif parallel.on_root(comm, stored.path.is_dir):
         history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
     return MeshCheckpoint(stored)
