@@ -153,7 +153,7 @@ def _inwards(body: Model) -> list[Finding]:
             _, normals = effect.surface.distance(middles[:, :dim])
             facing = np.any(np.einsum("id,id->i", (middles - cells)[:, :dim], normals) < 0)
             if not parallel.any_rank(body.comm, bool(facing)):
-                message = "no facet faces it: its normals must lead towards the body, so turn it round"
+                message = "no facet faces it: take the boundary that does, or turn its normals towards the body"
                 findings.append(Finding("warning", f"contact[{index}].foundation", message))
             continue
         outwards = (middles - cells)[:, :dim] @ np.array(effect.direction)
