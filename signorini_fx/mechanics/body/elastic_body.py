@@ -46,7 +46,6 @@ from signorini_fx.mechanics.rigid.rigid_motions import (
     nearest_motion,
     rigid_motions,
     without_energy,
-    without_strain,
 )
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, FINER_LEVELS
@@ -142,15 +141,13 @@ class ElasticBody:
     @shared_in("of_contact")
     def motions(self) -> RigidMotions:
         """The free motions without strain; bodies that can touch each other are one assembly."""
-        return self._free if self.boundary is None else self._free.joined(self.boundary).with_foundations(self.boundary)
+        return self._free if self.boundary is None else self._free.joined(self.boundary)
 
     @shared_in("of_body")
     def _supported(self) -> RigidMotions:
         """The same of supports alone."""
-        motions = rigid_motions(self.space, self.fixed.reshape(-1, self.dimension), self.pieces, self.turned)
-        if self.kinematics.motions_without_strain is not None:
-            motions = without_strain(motions, self.kinematics)
-        return motions
+        fixed = self.fixed.reshape(-1, self.dimension)
+        return rigid_motions(self.space, fixed, self.pieces, self.turned, self.kinematics)
 
     @property
     def of_supports(self) -> dict[str, Any]:

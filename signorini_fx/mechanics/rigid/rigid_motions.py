@@ -6,7 +6,7 @@ rotations.  A body of several pieces has as many for each of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -82,59 +82,43 @@ class RigidMotions:
 
         What is prescribed at a point does not move but for round-off.
         """
-        piece = self.piece[boundary.nodes]
+        piece, averages, of = self.piece[boundary.nodes], boundary.averages, self._pieces_at(boundary)
         free_modes = self.free.reshape(self.pieces.count, self.each, -1)
-        if not boundary.paired:
-            moved = rigid_modes(boundary.centre, self.centre[piece], self.length[piece]) @ free_modes[piece]
-        else:
-            nodes, x = boundary.averages.nodes, boundary.averages.x
-            of = self._pieces_at(boundary)
-            at_nodes = rigid_modes(x, self.centre[of], self.length[of]) @ free_modes[of]
-            dim, count = self.x.shape[1], self.free.shape[1]
-            flat = at_nodes.reshape(dim * nodes.size, count)
-            moved = (boundary.averages.operator @ flat).reshape(boundary.size, dim, count)
+        at_nodes = rigid_modes(averages.x, self.centre[of], self.length[of]) @ free_modes[of]
+        flat = at_nodes.reshape(averages.x.size, self.free.shape[1])
+        moved = (averages.operator @ flat).reshape(*boundary.x.shape, self.free.shape[1])
         if boundary.moving is not None and self.foundations is not None:
             moved = moved - boundary.moving.modes @ self.foundations
         relative = boundary.points.movable @ np.einsum("nij,nik->njk", boundary.frames, moved)
-        groups = PointGroups.of(boundary.points, self._reached(boundary))
+        shares = averages.shares.tocoo()
+        reached = piece[:, None] == np.arange(self.pieces.count)
+        reached[shares.row, of[shares.col]] = True
+        groups = PointGroups.of(boundary.points, reached)
         return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece], groups)
 
-    def _reached(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
-        """Which pieces the relative displacement at each point is of, shape (n, pieces); collective."""
-        found = self.piece[boundary.nodes][:, None] == np.arange(self.pieces.count)
-        if boundary.paired:
-            shares, of = boundary.averages.shares.tocoo(), self._pieces_at(boundary)
-            found[shares.row, of[shares.col]] = True
-        return found
-
     def joined(self, boundary: ContactBoundary) -> RigidMotions:
-        """The same with bodies that can come into contact with each other as one assembly; collective."""
-        if not boundary.paired:
-            return self
-        shares, of = boundary.averages.shares.tocoo(), self.pieces.assembly
-        links = of[self.piece[boundary.nodes[shares.row]]], of[self._pieces_at(boundary)[shares.col]]
-        number = _joined(np.column_stack(links), int(of.max()) + 1, boundary.comm)
-        pieces = replace(self.pieces, assembly=number[self.pieces.assembly])
-        return replace(self, pieces=pieces, assembly=number[self.assembly])
-
-    def with_foundations(self, boundary: ContactBoundary) -> RigidMotions:
-        """The same with the free motions of foundations, each in one assembly with the pieces that it may touch;
+        """The same with the free motions of foundations, and with all that can come into contact as one assembly;
         collective.
         """
-        moving, of = boundary.moving, self.pieces.assembly
-        if moving is None:
+        moving, of, shares = boundary.moving, self.pieces.assembly, boundary.averages.shares.tocoo()
+        if moving is None and not boundary.paired:
             return self
-        touched, count = moving.modes.any(axis=1), int(of.max()) + 1
-        point, unknown = np.nonzero(touched)
-        links = np.column_stack((of[self.piece[boundary.nodes[point]]], count + moving.number[unknown]))
-        number = _joined(links, count + int(moving.number.max()) + 1, boundary.comm)
-        loose = moving.loose
-        tool_modes, free = np.eye(loose.size)[:, loose], np.zeros((len(self.free), np.count_nonzero(loose)))
+        count, bodies = int(of.max()) + 1, 0
+        at_points = of[self.piece[boundary.nodes]]
+        links = [np.column_stack((at_points[shares.row], of[self._pieces_at(boundary)[shares.col]]))]
+        if moving is not None:
+            point, unknown = np.nonzero(moving.modes.any(axis=1))
+            links.append(np.column_stack((at_points[point], count + moving.number[unknown])))
+            bodies = int(moving.number.max()) + 1
+        number = _joined(np.concatenate(links), count + bodies, boundary.comm)
+        assembled = replace(self, pieces=replace(self.pieces, assembly=number[of]), assembly=number[self.assembly])
+        if moving is None:
+            return assembled
+        tool_modes = np.eye(moving.loose.size)[:, moving.loose]
         return replace(
-            self,
-            pieces=replace(self.pieces, assembly=number[of]),
-            free=np.hstack((self.free, free)),
-            assembly=np.concatenate((number[self.assembly], number[count + moving.number[loose]])),
+            assembled,
+            free=np.hstack((self.free, np.zeros((len(self.free), tool_modes.shape[1])))),
+            assembly=np.concatenate((assembled.assembly, number[count + moving.number[moving.loose]])),
             foundations=np.hstack((np.zeros((len(tool_modes), self.free.shape[1])), tool_modes)),
             moving=moving,
         )
@@ -208,7 +192,11 @@ def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
 
 
 def rigid_motions(
-    space: fem.FunctionSpace, fixed: npt.NDArray[np.bool_], pieces: BodyPieces, turned: TurnedNodes | None = None
+    space: fem.FunctionSpace,
+    fixed: npt.NDArray[np.bool_],
+    pieces: BodyPieces,
+    turned: TurnedNodes | None,
+    kinematics: Kinematics,
 ) -> RigidMotions:
     """The motions without strain that the supports leave free; collective.
 
@@ -217,6 +205,7 @@ def rigid_motions(
         fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
         pieces: of the body.
         turned: nodes whose components are in a frame of their own.
+        kinematics: which say what motions have no strain.
     """
     comm = space.mesh.comm
     owned = slice(fixed.shape[0])
@@ -232,49 +221,13 @@ def rigid_motions(
     no_modes = np.zeros((0, 0))
     motions = RigidMotions(pieces, x, piece, len(fixed), centre, length, no_modes, np.zeros(0, dtype=np.int64))
     supported, _ = _at_supports(motions, fixed, np.zeros(fixed.shape), turned, comm)
-    free, assembly = _null_space(supported, motions)
+    free, assembly = _null_space(supported, motions, kinematics)
     # Products have half of the digits of where the supports lie: what the motions still do there is taken out.
     held, moved = np.flatnonzero(fixed.any(axis=1)), np.zeros(fixed.shape)
     for column in free.T:
         moved[held] = motions.of_pieces(column, held)
         column -= nearest_motion(motions, fixed, moved, turned, comm)
     return replace(motions, free=free, assembly=assembly)
-
-
-def _admitted(motions: RigidMotions, kinematics: Kinematics) -> Iterator[_Floats]:
-    """Each motion that kinematics admit as combinations of those of the pieces, shape (p, m)."""
-    dim = kinematics.dimension
-    # Rotations of pieces are about axes through their middles.
-    at_centres = rigid_modes(motions.centre, np.zeros(dim), motions.length)
-    for number in np.flatnonzero(kinematics.unbalanced):
-        way = np.tile(np.eye(motions.each)[number], (motions.pieces.count, 1))
-        if number >= dim:
-            way[:, :dim] = at_centres[:, :, number]
-        yield way / np.linalg.norm(way, axis=1, keepdims=True)
-
-
-def without_strain(motions: RigidMotions, kinematics: Kinematics) -> RigidMotions:
-    """Those of these that have no strain, where they are fewer than the rigid ones; translations and rotations, which
-    are apart from each other in all supports.
-    """
-    columns, numbers = [], []
-    for number in np.unique(motions.assembly):
-        of = motions.assembly == number
-        free_modes = motions.free[:, of]
-        for allowed in _admitted(motions, kinematics):
-            rows = free_modes.reshape(motions.pieces.count, motions.each, -1)
-            along = np.einsum("pm,pmk->pk", allowed, rows)
-            strained = (rows - allowed[:, :, None] * along[:, None]).reshape(-1, free_modes.shape[1])
-            _, sizes, ways = np.linalg.svd(strained)
-            combinations = ways[np.count_nonzero(sizes > ROOT_OF_EPS) :].T
-            columns.append(free_modes @ combinations * np.sign((along @ combinations).sum(axis=0)))
-            numbers.append(np.full(combinations.shape[1], number))
-    no_modes = motions.free[:, :0]
-    return replace(
-        motions,
-        free=np.concatenate([no_modes, *columns], axis=1),
-        assembly=np.concatenate([motions.assembly[:0], *numbers]),
-    )
 
 
 def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]) -> RigidMotions:
@@ -354,17 +307,24 @@ def _at_supports(
     return products[:, :, :-1], products[:, :, -1]
 
 
-def _null_space(supported: _Floats, motions: RigidMotions) -> tuple[_Floats, npt.NDArray[np.int64]]:
-    """The motions of each piece that the supports allow, and the number of their piece."""
-    each = motions.each
-    columns: list[_Floats] = []
-    numbers: list[int] = []
-    for piece, products in enumerate(supported):
-        values, vectors = np.linalg.eigh(products / max(float(np.linalg.eigvalsh(products)[-1]), 1e-300))
-        null_vectors = vectors[:, values <= ROOT_OF_EPS * max(values[-1], 1e-300)]
-        modes = np.zeros((each * motions.pieces.count, null_vectors.shape[1]))
-        modes[each * piece : each * (piece + 1)] = null_vectors
-        columns.append(modes)
+def _null_space(
+    supported: _Floats, motions: RigidMotions, kinematics: Kinematics
+) -> tuple[_Floats, npt.NDArray[np.int64]]:
+    """The motions of each piece that kinematics and supports allow, and the number of their piece."""
+    count, each, dim = motions.pieces.count, motions.each, motions.x.shape[1]
+    ways = np.tile(np.eye(each), (count, 1, 1))
+    if not kinematics.unbalanced.all():  # these are about the origin, those of pieces about their middles
+        ways[:, :dim] = rigid_modes(motions.centre, np.zeros(dim), motions.length)
+        ways = ways[:, :, kinematics.unbalanced]
+        ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    columns, numbers = list[_Floats](), list[int]()
+    for piece, (products, admitted) in enumerate(zip(supported, ways, strict=True)):
+        scaled = products / max(float(np.linalg.eigvalsh(products)[-1]), 1e-300)
+        values, vectors = np.linalg.eigh(admitted.T @ scaled @ admitted)
+        null_vectors = admitted @ vectors[:, values <= ROOT_OF_EPS]
+        modes = np.zeros((count, each, null_vectors.shape[1]))
+        modes[piece] = null_vectors
+        columns.append(modes.reshape(each * count, -1))
         numbers += [piece] * null_vectors.shape[1]
     return np.concatenate(columns, axis=1), np.array(numbers, dtype=np.int64)
 
