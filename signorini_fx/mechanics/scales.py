@@ -11,6 +11,7 @@ force.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,52 +23,52 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scales:
-    """The scales of a body.
+    """The scales of a body, or of each of its pieces: then a size, and all values, are arrays of shape (pieces,).
 
     Attributes:
         dimension: d.
         modulus: of the stiffest material, stress.
-        size: diameter of the body, length.
+        size: diameter, length.
         depth: of a body in 2D, what its areas and lengths of the boundary are multiplied by: 1 per thickness, of
             a body of revolution a typical length of the circumference, see ``Kinematics.depth``.
     """
 
     dimension: int
     modulus: float
-    size: float
+    size: Any
     depth: float = 1.0
 
     @property
-    def surface(self) -> float:
+    def surface(self) -> Any:
         """Area, in 2D length, of a surface as large as the body."""
-        return float(self.depth * self.size ** (self.dimension - 1))
+        return self.depth * self.size ** (self.dimension - 1)
 
     @property
     def gamma(self) -> float:
         """The natural unit of gamma, stress per length."""
-        return self.modulus / self.size
+        return float(self.modulus / self.size)
 
     @property
     def coordinate_error(self) -> float:
         """The round-off of coordinates, and so of gaps, length."""
-        return ZERO_COMPONENT * self.size
+        return float(ZERO_COMPONENT * self.size)
 
-    def spacing(self, nodes: int) -> float:
+    def spacing(self, nodes: Any) -> Any:
         """Length between neighbours of so many nodes in a body of this size."""
-        return float(self.size / nodes ** (1.0 / self.dimension))
+        return self.size / nodes ** (1.0 / self.dimension)
 
     def side(self, area: Array) -> Array:
         """Lengths of the sides of pieces of the surface with these areas (in 2D: lengths)."""
         return np.asarray((area / self.depth) ** (1.0 / (self.dimension - 1)))
 
-    def stiffness(self, spacing: float) -> float:
+    def stiffness(self, spacing: Any) -> Any:
         """Force at a node that is moved by a unit of length, at this distance from its neighbours."""
-        return float(self.modulus * self.depth * spacing ** (self.dimension - 2))
+        return self.modulus * self.depth * spacing ** (self.dimension - 2)
 
-    def stress(self, strain_energy: float) -> float:
+    def stress(self, strain_energy: Any) -> Any:
         """Mean stress of a body with this strain energy."""
-        return float(np.sqrt(2 * self.modulus * strain_energy / (self.depth * self.size**self.dimension)))
+        return np.sqrt(2 * self.modulus * strain_energy / (self.depth * self.size**self.dimension))
 
-    def deflection(self, stress: float) -> float:
+    def deflection(self, stress: Any) -> Any:
         """Length by which this stress deforms the body."""
         return stress / self.modulus * self.size

@@ -151,7 +151,7 @@ class MixedLaw(SceneLaw):
     def unit(self) -> float:
         """Of the unknowns of the pressure, stress."""
         scales = Scales(self.tagged.dimension, self.statement.young, self.tagged.size)
-        return self.statement.young / scales.spacing(int(self.space.dofmap.index_map.size_global))
+        return self.statement.young / float(scales.spacing(self.space.dofmap.index_map.size_global))
 
     @property
     def count(self) -> int:

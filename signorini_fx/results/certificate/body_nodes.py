@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from mpi4py import MPI
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions, shared_in
 from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
@@ -45,11 +46,8 @@ class RigidPart:
         of_node[space.dofmap.list] = pieces.of_cell[:, None]
         self.piece = of_node[: len(x)]
         self.size = np.linalg.norm(np.ptp(pieces.bounds, axis=1), axis=1)
-        arm = self._without_mean(x)
-        turns = dim * (dim - 1) // 2
-        self._turned = np.zeros((*x.shape, turns))
-        for k, (i, j) in enumerate(combinations(range(dim), 2)):
-            self._turned[:, i, k], self._turned[:, j, k] = -arm[:, j], arm[:, i]
+        self._turned = rigid_modes(self._without_mean(x), np.zeros(dim), np.array(1.0))[:, :, dim:]
+        turns = self._turned.shape[2]
         gram = self._sums(np.einsum("nik,nil->nkl", self._turned, self._turned).reshape(-1, turns**2))
         self._inverse = np.linalg.pinv(gram.reshape(-1, turns, turns), hermitian=True)
 
@@ -68,10 +66,7 @@ class RigidPart:
         """
         piece = self.piece if piece is None else piece
         local_largest, inside = np.zeros(self.count), piece >= 0
-        if self.count == 1:
-            local_largest[:] = np.max(values, where=inside, initial=0.0)
-        else:
-            np.maximum.at(local_largest, piece[inside], values[inside])
+        np.maximum.at(local_largest, piece[inside], values[inside])
         return parallel.largest_of_each(self._comm, np.where(np.isnan(local_largest), np.inf, local_largest))
 
     def norms(self, vectors: Array, piece: npt.NDArray[Any] | None = None) -> Array:
@@ -136,10 +131,7 @@ class PrescribedNodes:
 
     def missed(self, y: Array) -> Array:
         """How far displacements of the owned nodes are from what is prescribed, length, as a list."""
-        away = y - self.value
-        if self.turned is not None:
-            away = np.einsum("nij,ni->nj", self._frames, away)
-        return np.abs(away[self.fixed])
+        return np.abs(self._in_frames(y - self.value)[self.fixed])
 
     def among(self, of_node: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Numbers that the owned nodes have, in the order of ``missed``."""
@@ -147,10 +139,8 @@ class PrescribedNodes:
 
     def left(self, vectors: Array) -> Array:
         """Vectors at the owned nodes without the directions that are prescribed, shape (owned nodes, d)."""
-        if self.turned is None:
-            return np.where(self.fixed, 0.0, vectors)
-        free = np.where(self.fixed, 0.0, np.einsum("nij,ni->nj", self._frames, vectors))
-        return np.einsum("nij,nj->ni", self._frames, free)
+        free = np.where(self.fixed, 0.0, self._in_frames(vectors))
+        return free if self._frames is None else np.einsum("nij,nj->ni", self._frames, free)
 
     def taken(self, forces: Array, position: int) -> Array:
         """The part of nodal forces that one entry of ``scene.displacement`` takes, shape (owned nodes, d).
@@ -170,8 +160,11 @@ class PrescribedNodes:
                 taken[nodes] += along[:, dim + number, None] * support.normal
         return taken
 
-    @property
-    def _frames(self) -> Array:
-        """The frames of the owned nodes that ``fixed`` is told in, shape (owned nodes, d, d)."""
-        assert self.turned is not None
-        return self.turned.frames_at(np.arange(len(self.fixed)))
+    @cached_property
+    def _frames(self) -> Array | None:
+        """The frames of the owned nodes that ``fixed`` is told in, shape (owned nodes, d, d); None: the axes."""
+        return None if self.turned is None else self.turned.frames_at(np.arange(len(self.fixed)))
+
+    def _in_frames(self, vectors: Array) -> Array:
+        """Components of vectors at the owned nodes in these frames."""
+        return vectors if self._frames is None else np.einsum("nij,ni->nj", self._frames, vectors)

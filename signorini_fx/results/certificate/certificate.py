@@ -4,9 +4,7 @@ It takes the scene, the mesh, the displacement that the user gets, and the conta
 those of the previous step, from which friction acts.  It uses no matrix, load vector or active set of the solver.  It
 does not detect faults in what both share: the mesh and its names, the forms, materials, loads and contact points.
 
-The law that it names need not be the one that was asked for.  Where the method of a scene fails, another one is tried:
-augmentation leaves no regularisation where a gamma was given, and bodies that lie loose are solved with the regularised
-law.  The path in gamma may end at the largest gamma before it reaches the error that was asked for.
+The law that it names need not be the one that was asked for: where the method of a scene fails, another one is tried.
 """
 
 from __future__ import annotations
@@ -115,38 +113,22 @@ class Certificate:
 
 
 def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> Balance:
-    """The forces on a body without contact at a place in the lists of factors; ``displacement``: y; collective."""
+    """The forces on a body without contact at a place in the lists of factors; collective."""
     statement, tagged = forces.statement, forces.tagged
     scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
-    pressed = forces.pressed  # then forces are not those of a change of volume
-    stiffest = replace(scales, modulus=max(material.stiffest(pressed=pressed) for material in statement.material))
+    # With a pressure forces are not those of a change of volume.
+    modulus = max(material.stiffest(pressed=forces.pressed) for material in statement.material)
     return Balance(
         forces,
         forces.internal(displacement),
         forces.external(step),
         forces.prescribed(step),
         scales,
-        stiffest,
+        replace(scales, modulus=modulus),
         forces.resisted(displacement),
         *forces.initial(step, displacement),
         dilation=forces.dilation(displacement, step),
     )
-
-
-def _faint_forces(
-    nodes: ContactNodes, piece: npt.NDArray[Any], mean: Nodal, penalty: Nodal, rigid: Sequence[RigidBodyMotion]
-) -> Nodal:
-    """Forces at each rigid body that are round-off of the stress in the pieces of the body that it touches, of the
-    penalty, and of the joint system, shape (t,); ``piece``: the one that each contact point is on; ``mean``: stress in
-    each piece; ``penalty``: see ``PieceScales``; collective.
-    """
-    comm, forces = nodes.body.comm, []
-    for motion in rigid:
-        points = nodes.contact.part(*motion.body.parts)
-        stress, lost = (parallel.largest(comm, values[piece[points]]) for values in (mean, penalty))
-        area = float(parallel.global_sum(comm, np.array(nodes.weight[points].sum())))
-        forces.append(max(NEGLIGIBLE * stress, lost, NO_FORCE * float(mean.max())) * area)
-    return np.array(forces)
 
 
 def judged(
@@ -185,8 +167,7 @@ def judged(
     scales, stiffest = balance.of_pieces(pieces)
     # Of the initial strains it is not known which piece they strain.
     halves = works[:, 0] / 2 if balance.dilation is None or strain_energy == half else np.full(pieces.count, strained)
-    mean = np.array([piece_scales.stress(max(half, 0.0)) for piece_scales, half in zip(scales, halves, strict=True)])
-    mean = np.maximum(mean, balance.reaction_stress(pieces))
+    mean = np.maximum(scales.stress(np.maximum(halves, 0.0)), balance.reaction_stress(pieces))
     far = pieces.largest(np.linalg.norm(y, axis=1))
     deformed = pieces.largest_beside(y)
     length = np.maximum(deformed, NO_FORCE * far.max())
@@ -199,8 +180,8 @@ def judged(
     volume = change_of_volume(balance, float(far.max()), strained)
     if tractions is None or contact is None:
         units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
-        left = equilibrium(balance, pieces, y, None, units, float(far.max()))
-        return Certificate(equilibrium=max(left.share, volume), unjudged=left.unjudged, lost=left.lost, **figures)
+        unbalanced, unjudged, lost = equilibrium(balance, pieces, y, None, units, float(far.max()))
+        return Certificate(equilibrium=max(unbalanced, volume), unjudged=unjudged, lost=lost, **figures)
     nodes = ContactNodes.of(forces, contact, tractions)
     at = nodes.pieces(pieces.piece)
     figures["coupling"] = max((pair.error() for pair in contact.pairs.values()), default=0.0)
@@ -218,9 +199,8 @@ def judged(
     alone = balance.unloaded(pieces)
     # Where the contact transmits nothing its reactions are round-off of the stress in the body.
     stress = np.maximum(largest(nodes.felt), NEGLIGIBLE * mean)
-    moduli, sizes = np.array([(piece_scales.modulus, piece_scales.size) for piece_scales in stiffest]).T
     fineness = largest(np.asarray(1.0 / balance.scales.side(nodes.weight)))
-    stress = np.maximum(stress, NO_FORCE * np.where(alone, moduli.max() * reach, moduli * far) * fineness)
+    stress = np.maximum(stress, NO_FORCE * stiffest.modulus * np.where(alone, reach, far) * fineness)
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
     stress = np.maximum(stress, NO_FORCE * largest(np.linalg.norm(nodes.traction, axis=1)))
     length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
@@ -244,29 +224,30 @@ def judged(
     terms = NO_FORCE * np.maximum(largest(np.maximum(nodes.terms(y), farther)), np.where(alone, reach, 0.0))
     penalty = terms * max((gamma for gamma in (law.gamma_n, law.gamma_t) if np.isfinite(gamma)), default=0.0)
     # With a larger gamma nothing is known of the tractions.  Those of a body without stress are the method's round-off.
-    strains = mean > LOST_UNITS * NO_FORCE * moduli * reach / sizes
+    strains = mean > LOST_UNITS * NO_FORCE * stiffest.modulus * reach / stiffest.size
     penalty = np.where(strains, np.minimum(penalty, mean / NEGLIGIBLE), np.maximum(penalty, terms * law.penalty))
     # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of a body at rest, too.
-    farthest = max(parallel.largest(comm, np.linalg.norm(x, axis=1), 0.0), float(sizes.max()))
+    farthest = max(parallel.largest(comm, np.linalg.norm(x, axis=1), 0.0), float(np.max(scales.size)))
     placed = np.full_like(terms, NO_FORCE * farthest) if balance.displaced or reach == 0 else np.zeros_like(terms)
     length, stress = np.maximum(length, np.maximum(terms, placed)), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
     # If everything sticks, all motion is round-off of the displacements that the stresses could cause.
-    still = NEGLIGIBLE * np.array(
-        [piece_scales.deflection(largest_stress) for piece_scales, largest_stress in zip(scales, stress, strict=True)]
-    )
+    still = NEGLIGIBLE * scales.deflection(stress)
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
     points = units.between(*at)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, points)
-    places = float(farthest) if balance.displaced else 0.0
-    left = equilibrium(balance, pieces, y, nodes, units, reach)
-    unbalanced = left.share
-    for (motion, drive), negligible in zip(rigid, _faint_forces(nodes, at[0], mean, penalty, moved), strict=True):
+    unbalanced, unjudged, lost = equilibrium(balance, pieces, y, nodes, units, reach)
+    for motion, drive in rigid:
+        touching = contact.part(*motion.body.parts)
+        # Round-off of the stress in the pieces that it touches, of the penalty, and of the joint system.
+        faint = np.maximum(NEGLIGIBLE * mean, penalty)[at[0][touching]]
+        faint_stress = max(parallel.largest(comm, faint), NO_FORCE * float(mean.max()))
+        area = float(parallel.global_sum(comm, np.array(nodes.weight[touching].sum())))
         resultant = nodes.resultant(motion, nodal_displacements)
-        unbalanced = max(unbalanced, motion.unbalanced(drive, resultant, negligible))
+        unbalanced = max(unbalanced, motion.unbalanced(drive, resultant, faint_stress * area))
     if balance.displaced and reach > 0:
-        figures["placed"] = float(np.finfo(float).eps * places / reach)
-    return Certificate(equilibrium=max(unbalanced, volume), unjudged=left.unjudged, lost=left.lost, **figures)
+        figures["placed"] = float(np.finfo(float).eps * farthest / reach)
+    return Certificate(equilibrium=max(unbalanced, volume), unjudged=unjudged, lost=lost, **figures)
 
 
 def contact_conditions(

@@ -15,6 +15,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.law_of_method import Tractions
@@ -110,8 +111,8 @@ class ContactNodes:
         return np.zeros_like(self.pressure) if law is None else law.bound(self.pressure)
 
     def rounded(self, vectors: Nodal, power: int) -> Nodal:
-        """Tangential vectors, shape (n, d), with their part across the direction of friction times r^power: with -1
-        admissible shears fill a disc, and with 1 slips that are normal to the ellipse are normal to that.
+        """Tangential vectors with their part across the direction of friction times r^power: with -1 admissible shears
+        fill a disc, and with 1 slips that are normal to the ellipse are normal to that.
         """
         axes = self.contact.boundary.friction_axes
         if axes is None:
@@ -121,7 +122,7 @@ class ContactNodes:
         return np.asarray(vectors + part[:, None] * across)
 
     def along(self, vectors: Nodal) -> Nodal:
-        """The part of vectors at the points, shape (n, d), that is tangential."""
+        """The part of vectors at the points that is tangential, shape (n, d)."""
         return np.asarray(vectors - np.sum(vectors * self.normal, axis=1)[:, None] * self.normal)
 
     @property
@@ -130,9 +131,7 @@ class ContactNodes:
         return np.asarray(self.pressure[:, None] * self.normal + self.shear)
 
     def traces(self, displacements: Nodal, rigid: Sequence[RigidBodyMotion] = ()) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y) of displacements with ghosts, shape (nodes, d), relative to rigid bodies that have moved;
-        the latter as a vector, shape (n, d).
-        """
+        """(tau_N y, tau_T y), shapes (n,) and (n, d), of displacements with ghosts, relative to rigid bodies."""
         averages = self.contact.boundary.averages
         values = from_owners(displacements[: self.body.owned], averages.nodes, self.body.comm)
         relative = (averages.operator @ values.ravel()).reshape(self.normal.shape)
@@ -157,7 +156,7 @@ class ContactNodes:
 
     def pieces(self, of_node: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """The piece of the body at each point, and that on the other side, -1 where the foundation is rigid, shape
-        (n,); ``of_node``: the piece that each owned node is in; collective.
+        (n,); ``of_node``: the piece that each owned node is in.
         """
         opposite = np.full(self.nodes.size, -1, dtype=np.int64)
         for pair, part in self.contact.of_pairs:
@@ -165,23 +164,20 @@ class ContactNodes:
         return of_node[self.nodes], opposite
 
     def resultant(self, motion: RigidBodyMotion, displacements: Nodal) -> tuple[Nodal, float, float]:
-        """What the tractions of its contact boundaries do to a rigid body: force and moment about its pivot, shape
-        (m,), the sum of the magnitudes of forces, and how far from the pivot they act; ``displacements``: of nodes with
-        ghosts, shape (nodes, d); collective.
+        """What its contact tractions do to a rigid body: force and moment about its pivot, shape (m,), the sum of the
+        magnitudes of forces, and how far from the pivot they act; ``displacements``: of nodes with ghosts.
         """
         part, comm = self.contact.part(*motion.body.parts), self.body.comm
         force = self.weight[part, None] * self.traction[part]
         arm = motion.lever(self._at(self._x)[part], self._at(displacements)[part])
-        plane = arm.shape[1] == 2
-        moment = (arm[:, :1] * force[:, 1:] - arm[:, 1:] * force[:, :1]) if plane else np.cross(arm, force)
-        size = np.linalg.norm(force, axis=1).sum()
+        moment, size = CARTESIAN[arm.shape[1]].turned(arm, force), np.linalg.norm(force, axis=1).sum()
         total = parallel.global_sum(comm, np.concatenate((force.sum(axis=0), moment.sum(axis=0), [size])))
         reach = parallel.largest(comm, np.linalg.norm(arm, axis=1))
         return total[:-1], float(total[-1]), reach
 
     def terms(self, owned: Nodal) -> Nodal:
-        """The sums of the magnitudes of what relative displacements of two bodies are added up of, 0 at points on a
-        rigid foundation, length, shape (n,), from displacements of shape (owned nodes, d).
+        """The sums of the magnitudes of what relative displacements of two bodies are added up of, 0 on a rigid
+        foundation, shape (n,), from displacements of the owned nodes.
         """
         averages = self.contact.boundary.averages
         if not self.contact.pairs:
@@ -190,8 +186,8 @@ class ContactNodes:
         return np.where(self.contact.paired, np.linalg.norm(sums.reshape(self.normal.shape), axis=1), 0.0)
 
     def forces(self, *parts: int) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
-        """What the tractions do to the body, or those of some contacts: the local nodes that they act on, shape (m,),
-        the forces on them, shape (m, d), and the area that a node stands for, shape (m,).
+        """What the tractions do, or those of some contacts: the local nodes that they act on, shape (m,), the forces on
+        them, shape (m, d), and their areas, shape (m,).
         """
         force, averages = self.weight[:, None] * self.traction, self.contact.boundary.averages
         if parts:
@@ -212,18 +208,13 @@ class ContactNodes:
 
     @property
     def felt(self) -> Nodal:
-        """The larger of pressure and shear without what supports take of them, stress, shape (n,).
-
-        What supports alone take is not a scale for other nodes.  Neither is a part of the one that the other undoes.
-        """
-        tractions = self.pressure[:, None] * self.normal, self.shear
-        *alone, combined = (np.linalg.norm(self._movable(part), axis=1) for part in (*tractions, np.add(*tractions)))
-        return np.minimum(np.maximum(*alone), combined)
-
-    def _movable(self, vectors: Nodal) -> Nodal:
-        """The part of vectors at the points that is along directions in which the body can move, shape (n, d)."""
+        """The larger of pressure and shear without what supports take of them, or what one undoes of the other."""
         free, axes = self.contact.boundary.free, self.contact.boundary.axes
-        return np.einsum("nij,nj->ni", axes, np.where(free, np.einsum("nij,ni->nj", axes, vectors), 0.0))
+        tractions = self.pressure[:, None] * self.normal, self.shear, self.traction
+        pressure, shear, both = (
+            np.linalg.norm(np.where(free, np.einsum("nij,ni->nj", axes, part), 0.0), axis=1) for part in tractions
+        )
+        return np.minimum(np.maximum(pressure, shear), both)
 
     @property
     def shear_across(self) -> Nodal:

@@ -76,17 +76,12 @@ class Balance:
         if not self.with_loads:
             return np.zeros(pieces.count)
         held = np.linalg.norm(self.internal - self.supports.left(self.internal), axis=1)
-        forces = pieces.works(held[:, None])[:, 0]
-        surface = np.array([piece_scales.surface for piece_scales in self.of_pieces(pieces)[0]])
-        return np.asarray(forces / surface)
+        return np.asarray(pieces.works(held[:, None])[:, 0] / self.of_pieces(pieces)[0].surface)
 
-    def of_pieces(self, pieces: RigidPart) -> tuple[list[Scales], list[Scales]]:
-        """``scales`` and ``stiffest`` of each piece."""
-        if pieces.count == 1:
-            return [self.scales], [self.stiffest]
-        sizes = map(float, pieces.size)
-        scales = [replace(self.scales, size=size) for size in sizes]
-        return scales, [replace(piece_scales, modulus=self.stiffest.modulus) for piece_scales in scales]
+    def of_pieces(self, pieces: RigidPart) -> tuple[Scales, Scales]:
+        """``scales`` and ``stiffest`` of all pieces."""
+        size = pieces.size if pieces.count > 1 else np.array([self.scales.size])
+        return replace(self.scales, size=size), replace(self.stiffest, size=size)
 
     def unloaded(self, pieces: RigidPart) -> npt.NDArray[np.bool_]:
         """Pieces that no load strains and no support moves, shape (pieces,); collective.
@@ -96,8 +91,7 @@ class Balance:
         """
         nothing = np.zeros_like(self.external)
         imposed = pieces.largest(self.supports.missed(nothing), self.supports.among(pieces.piece))
-        acting = [pieces.norms(forces) for forces in (self.external, nothing + self.initial)]
-        return np.asarray(np.sum([imposed, *acting], axis=0) == 0)
+        return np.asarray(imposed + pieces.norms(self.external) + pieces.norms(nothing + self.initial) == 0)
 
 
 class PieceScales(NamedTuple):
@@ -123,21 +117,13 @@ class PieceScales(NamedTuple):
         return PieceScales(length, far, np.maximum(smaller, penalty), penalty)
 
 
-class ForcesLeft(NamedTuple):
-    """What is missing in equilibrium; ``unjudged``: pieces of which it says nothing, as all forces on them are
-    round-off of the joint system; ``lost``: the residual that round-off of the evaluation may hide, relative to the
-    forces on a piece, or, where displacements alone act, to those within.
-    """
-
-    share: float
-    unjudged: tuple[int, ...]
-    lost: float = 0.0
-
-
 def equilibrium(
     balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: PieceScales, reach: float
-) -> ForcesLeft:
-    """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; collective.
+) -> tuple[float, tuple[int, ...], float]:
+    """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; pieces of
+    which it says nothing, as all forces on them are round-off of the joint system; and the residual that round-off of
+    the evaluation may hide, relative to the forces on a piece, or, where displacements alone act, to those within;
+    collective.
 
     Forces are relative to those of loads, contact and springs on the piece where it is free.  On slender bodies the
     reactions of supports, and so a(y, .), may be far larger: a share of them is a lower bound, for what round-off
@@ -159,12 +145,9 @@ def equilibrium(
     comm, supports = balance.surface.space.mesh.comm, balance.supports
     _, stiffest = balance.of_pieces(pieces)
     nodes_of_pieces = pieces.works(np.ones((len(y), 1)))[:, 0]
-    spacing = [piece_scales.spacing(int(many)) for piece_scales, many in zip(stiffest, nodes_of_pieces, strict=True)]
+    spacing, count = stiffest.spacing(nodes_of_pieces), np.sqrt(nodes_of_pieces)
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
-    firmness = np.array(
-        [piece_scales.stiffness(distance) for piece_scales, distance in zip(stiffest, spacing, strict=True)]
-    )
-    count = np.sqrt(nodes_of_pieces)
+    firmness = stiffest.stiffness(spacing)
     least = firmness * pieces.norms(y)
     least = NO_FORCE * np.where(balance.unloaded(pieces), np.maximum(least, firmness.max() * reach * count), least)
     loads = balance.external + balance.initial
@@ -190,7 +173,7 @@ def equilibrium(
     digits = LOST_UNITS * np.finfo(float).eps
     coordinates = parallel.largest(comm, np.abs(balance.surface.at_nodes[: balance.surface.owned]), 0.0)
     last_digit = UNITS_OF_PLACES * np.finfo(float).eps * coordinates
-    missing = pieces.norms(residual) - digits * least / NO_FORCE - last_digit / np.array(spacing) * reacting
+    missing = pieces.norms(residual) - digits * least / NO_FORCE - last_digit / spacing * reacting
     hidden = 0.0
     if balance.lost is not None:
         lost = LOST_UNITS * pieces.norms(balance.lost)
@@ -200,23 +183,23 @@ def equilibrium(
         beside = pieces.largest_beside(y)
         whole = (beside <= digits * reach) | ((beside > digits * pieces.size) & (within <= lost))
         known = (on_pieces == 0) & whole
-        hidden = max(map(ratio, np.where(known, 0.0, lost), np.where(on_pieces > 0, force, within)))
+        hidden = share(comm, np.where(known, 0.0, lost), np.where(on_pieces > 0, force, within))
         missing = missing - lost
-    residual_share = max(map(ratio, missing, force))
+    residual_share = share(comm, missing, force)
     if nodes is None:
-        return ForcesLeft(residual_share, unjudged, hidden)
+        return residual_share, unjudged, hidden
     # The stress at a node is known to the digits of loads, and of the displacement over the length of its side.  Of
     # that, and so of all forces, the digits of coordinates are known.
     reached_piece, load = pieces.piece[reached], pieces.largest(np.linalg.norm(loads, axis=1))
-    modulus, side = np.array([piece_scales.modulus for piece_scales in stiffest]), balance.stiffest.side(area)
-    least_stress = digits * ((modulus * units.far)[reached_piece] / side + load[reached_piece] / area)
+    side = stiffest.side(area)
+    least_stress = digits * (stiffest.modulus * units.far[reached_piece] / side + load[reached_piece] / area)
     acts = np.maximum(load, pieces.largest(np.linalg.norm(balance.internal, axis=1)))[reached_piece]
     least_stress += last_digit / side * acts / area
     if balance.lost is not None:
         least_stress = least_stress + LOST_UNITS * np.linalg.norm(balance.lost[reached], axis=1) / area
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - least_stress
     worst = share(comm, unbalanced, units.stress[reached_piece])
-    return ForcesLeft(max(residual_share, worst), unjudged, hidden)
+    return max(residual_share, worst), unjudged, hidden
 
 
 def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:
@@ -228,27 +211,16 @@ def change_of_volume(balance: Balance, far: float, strain_energy: float) -> floa
     (residual, volume), comm, scales = balance.dilation, balance.surface.space.mesh.comm, balance.scales
     loads = float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum())) / scales.surface
     strain = max(scales.stress(strain_energy), NEGLIGIBLE * loads) / scales.modulus
-    spacing = scales.spacing(balance.surface.space.dofmap.index_map.size_global)
-    lost = LOST_UNITS * np.finfo(float).eps * far / spacing
-    return ratio(_norm(comm, residual) - lost * _norm(comm, volume), strain * _norm(comm, volume))
+    lost = LOST_UNITS * np.finfo(float).eps * far / scales.spacing(balance.surface.space.dofmap.index_map.size_global)
+    left, size = (float(np.sqrt(parallel.global_sum(comm, np.sum(values**2)))) for values in (residual, volume))
+    return share(comm, np.array(left - lost * size), np.array(strain * size))
 
 
 def share(comm: MPI.Comm, parts: Nodal, wholes: Nodal) -> float:
-    """The largest share over the ranks, see ``ratio``; collective."""
+    """The largest part over its whole on all ranks: 0 for parts <= 0, also of nothing, and else inf for a whole <= 0: a
+    residual where no force acts is never small; collective.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(parts <= 0, 0.0, parts / wholes)
     largest = float(np.max(shares, initial=0.0))
     return parallel.global_max(comm, np.inf if np.isnan(largest) else largest)
-
-
-def _norm(comm: MPI.Comm, values: Nodal) -> float:
-    return float(np.sqrt(parallel.global_sum(comm, np.sum(values**2))))
-
-
-def ratio(part: float, total: float) -> float:
-    """``part / total``, with two conventions: 0 for ``part`` <= 0, also where ``total`` is 0, and otherwise inf for
-    ``total`` <= 0: a residual where no force acts is never small.
-    """
-    if part <= 0:
-        return 0.0
-    return float(part / total) if total > 0 else np.inf

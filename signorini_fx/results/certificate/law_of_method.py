@@ -110,8 +110,6 @@ class PreviousStep:
         """The end of a load step that kept to ``law`` and started from ``previous``."""
         if not np.isfinite(law.gamma_t):
             return cls(displacement, tractions, rigid=rigid)
-        added = tractions.shear if previous is None else tractions.shear - previous.tractions.shear
-        elastic: Nodal = np.asarray(added / law.gamma_t)
-        if previous is not None and previous.elastic_slip is not None:
-            elastic = previous.elastic_slip + elastic
-        return cls(displacement, tractions, elastic, rigid=rigid)
+        elastic: Any = 0.0 if previous is None or previous.elastic_slip is None else previous.elastic_slip
+        before: Any = 0.0 if previous is None else previous.tractions.shear
+        return cls(displacement, tractions, elastic + (tractions.shear - before) / law.gamma_t, rigid=rigid)

@@ -106,21 +106,17 @@ class NodalForces(BodyNodes):
         acting = [entry for entry in self.statement.of(InitialStrain) if entry.acts]
         return strain, jump, acting[0].degree(self.statement.element.degree) if acting else 0
 
-    def _kept(self, name: Hashable, make: Callable[[], Sequence[fem.Form]]) -> Sequence[fem.Form]:
-        """Compiled forms, which are made once."""
+    def _compiled(self, name: Hashable, terms: Callable[[], Sequence[Any]]) -> Sequence[fem.Form]:
+        """The compiled forms of some terms, or forms as they are, which are made once.
+
+        Each is compiled by itself: FFCx 0.9 compiles one of one point beside another one wrongly.
+        """
         if name not in self._of_forms:
-            self._of_forms[name] = make()
+            stated = [term for term in terms() if term is not None]
+            with compiling():
+                self._of_forms[name] = [term if isinstance(term, fem.Form) else fem.form(term) for term in stated]
         forms: Sequence[fem.Form] = self._of_forms[name]
         return forms
-
-    def _compiled(self, name: Hashable, terms: Callable[[], Sequence[Any]]) -> Sequence[fem.Form]:
-        """Some terms, each compiled by itself: FFCx 0.9 compiles one of one point beside another one wrongly."""
-
-        def make() -> list[fem.Form]:
-            with compiling():
-                return [fem.form(term) for term in terms()]
-
-        return self._kept(name, make)
 
     @property
     def pressed(self) -> bool:
@@ -180,7 +176,7 @@ class NodalForces(BodyNodes):
         for load in (load for load in self.statement.of(Force) if load.where is None and load.acts):
             factor, _ = self.statement.now(load, step)
             of_load = partial(compile_loads, [load], self._on, at)
-            force -= factor * self._number(self._kept(("through", jump.path, id(load)), of_load))
+            force -= factor * self._number(self._compiled(("through", jump.path, id(load)), of_load))
         return force
 
     def resisted(self, displacement: fem.Function, resistances: Sequence[Resistance] | None = None) -> Array:
@@ -189,11 +185,10 @@ class NodalForces(BodyNodes):
         acting = [effect for effect in some if effect.acts]
         self._y.x.array[:] = displacement.x.array
 
-        def make() -> list[fem.Form]:
-            form = compile_resistance(acting, self._on, self._y, self._z)
-            return [] if form is None else [form]
-
-        return self._sum(self._kept(("resisted", *map(id, acting)), make))
+        forms = self._compiled(
+            ("resisted", *map(id, acting)), lambda: [compile_resistance(acting, self._on, self._y, self._z)]
+        )
+        return self._sum(forms)
 
     def external(self, step: float, some: Sequence[Force] | None = None) -> Array:
         """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have
@@ -207,7 +202,7 @@ class NodalForces(BodyNodes):
         self._on.move_to(step)
         for loads in groups.values():
             factor, _ = self.statement.now(loads[0], step)
-            compiled = self._kept(("loads", *map(id, loads)), partial(compile_loads, loads, self._on, self._z))
+            compiled = self._compiled(("loads", *map(id, loads)), partial(compile_loads, loads, self._on, self._z))
             total += factor * self._sum(compiled)
             for load in loads:
                 if load.nodal:
