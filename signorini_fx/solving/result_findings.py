@@ -116,7 +116,7 @@ def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement:
         if shape is None or getattr(shape, "driven", False) or not isinstance(added, int | float):
             continue
         space = displacement.function_space
-        cells = cells or BodyCells.of(space, space.mesh.geometry.dim)
+        cells = cells or BodyCells.of(space)
         deep = cells.inside(cells.placed(displacement.x.array), shape, float(added))
         if deep is not None:
             message = (

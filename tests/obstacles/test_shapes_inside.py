@@ -22,7 +22,7 @@ def body(cell, degree=1, comm=MPI.COMM_SELF):
         mesh = dmesh.create_rectangle(comm, [[0, 0], [4, 1]], (16, 4), kind)
     else:
         mesh = dmesh.create_box(comm, [[0, 0, 0], [4, 1, 1]], (16, 4, 4), kind)
-    return BodyCells.of(fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,))), mesh.geometry.dim)
+    return BodyCells.of(fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,))))
 
 
 def ball(cells, centre, radius, **more):
@@ -130,7 +130,7 @@ def test_elongated_cells(cell, axis):
     make = dmesh.create_rectangle if dim == 2 else dmesh.create_box
     counts = tuple(np.where(np.arange(dim) == axis, 4, 8))
     mesh = make(MPI.COMM_SELF, [np.zeros(dim), upper], counts, getattr(dmesh.CellType, cell))
-    cells = BodyCells.of(fem.functionspace(mesh, ("Lagrange", 1, (dim,))), dim)
+    cells = BodyCells.of(fem.functionspace(mesh, ("Lagrange", 1, (dim,))))
     for gap in (1e-3, -0.4):
         centre = 0.37 * upper
         centre[1 - axis] = 1.0 + radius + gap

@@ -50,12 +50,9 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ShapeDistances:
-    """What decides about the contact points of one foundation, at all nodes of this rank, nan where it is not.
-
-    Attributes:
-        factor: of the surface measure, shape (nodes,); None: 1.
-        direction: n, of length one, shape (nodes, d); None: the outward normal.
-        axes: of its friction; None: it has no direction.
+    """What decides about the contact points of one foundation, at all nodes of this rank, nan where it is not: the
+    ``factor`` of the surface measure, shape (nodes,), None: 1; the ``direction`` n, of length one, shape (nodes, d),
+    None: the outward normal; the ``axes`` of its friction, None: it has no direction.
     """
 
     factor: Array | None
@@ -65,13 +62,9 @@ class ShapeDistances:
 
 @dataclass(frozen=True)
 class FoundationData:
-    """What one foundation says, at all nodes of this rank, ghosts included, arrays of shape (nodes,).
-
-    Attributes:
-        shape: its direction and measure.
-        law: of friction, with such values; None: there is none.
-        gap: d, length; nan where no facet is.
-        allowance: what the user gives of the gap of a pair, without what its sides say; None: all of it is given.
+    """What one foundation says at all nodes of this rank: direction and measure, its law of friction, None: none, the
+    gap d, length, nan where no facet is, and the ``allowance``: what the user gives of the gap of a pair, without what
+    its sides say, None: all of it is given.
     """
 
     shape: ShapeDistances
@@ -81,14 +74,14 @@ class FoundationData:
 
 
 class Foundations:
-    """Several foundations on one space; all methods are collective.
+    """Several foundations, and pairs, whose slave sides have the points, on one space; all methods are collective.
 
     Args:
         space: the displacements.
-        contact: the foundations, and pairs, whose slave sides have the points.
+        contact: the foundations and pairs.
         facets: of each foundation or slave, owned, local numbers.
         names: of its form.
-        masters: facets of the other side of each pair, by its number among the contacts; None: there are no pairs.
+        masters: facets of the other side of each pair, by its number among the contacts.
     """
 
     def __init__(
@@ -168,19 +161,16 @@ class Foundations:
         """
         problems = []
         for k, (contact, shape) in enumerate(zip(self._contact, self.driven, strict=True)):
-            driven = "where a force moves the foundation"
             tied = contact.bonded and contact.against is None
-            for wrong, key, reason in (
-                (tied and not shape, "bonded", "needs a shape that force, moment or prescribed moves"),
-                (
-                    shape and contact.measure is not None and not self.measured(shape),
-                    "measure",
-                    f"is not possible yet {driven}",
-                ),
-                (shape and (shape.timed or shape.driven_in_time), "shape", "depends on t: give numbers, and place()"),
-            ):
-                problems += [(f"contact[{k}].{key}", reason)] if wrong else []
-            if shape and (reason := driven_twice(self.driven, k)):
+            if tied and not shape:
+                problems.append((f"contact[{k}].bonded", "needs a shape that force, moment or prescribed moves"))
+            if shape is None:
+                continue
+            if contact.measure is not None and not self.measured(shape):
+                problems.append((f"contact[{k}].measure", "is not possible yet where a force moves the foundation"))
+            if shape.timed or shape.driven_in_time:
+                problems.append((f"contact[{k}].shape", "depends on t: give numbers, and place()"))
+            if reason := driven_twice(self.driven, k):
                 problems.append((f"contact[{k}].shape.rigid", reason))
         if problems:
             raise FormError(problems)
@@ -215,7 +205,7 @@ class Foundations:
 
     @property
     def placed_shapes(self) -> list[tuple[str, Any, Any]]:
-        """Names of the foundations that are things, their shapes where they are, and what is added to the distance."""
+        """Names of the foundations with shapes, these where they are, and what is added to the distance."""
         return [(f"contact[{k}].shape", at.shape, at.added) for k, at in self._distances.items()]
 
     def give_gap(self, number: int, value: Any) -> None:
@@ -238,24 +228,17 @@ class Foundations:
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """How far the shapes have moved at the points since they have settled, shape (n, d); None: they have not."""
-        moved = [
-            k
-            for k, distance in self._distances.items()
-            if not self.driven[k] and distance.shape != self.settled[k].shape
-        ]
-        if not moved:
-            return None
-        displacements = np.zeros_like(boundary.x)
-        for k in moved:
-            on_part = boundary.part == k
-            displacements[on_part] = self._distances[k].shape.moved_from(self.settled[k].shape, boundary.x[on_part])
+        displacements = None
+        for k, distance in self._distances.items():
+            if not self.driven[k] and distance.shape != self.settled[k].shape:
+                displacements = np.zeros_like(boundary.x) if displacements is None else displacements
+                on_part = boundary.part == k
+                displacements[on_part] = distance.shape.moved_from(self.settled[k].shape, boundary.x[on_part])
         return displacements
 
     @cached_property
     def forms(self) -> list[tuple[Any, fem.Function | None]]:
-        """The unit contact form of each foundation, and the coefficient in it that is the factor of its measure; a pair
-        has none, nor have points that average.
-        """
+        """The unit contact form of each foundation, and the factor of the measure in it; of pairs and averages None."""
         forms = list[tuple[Any, fem.Function | None]]()
         for contact, facets in zip(self._contact, self.facets, strict=True):
             if contact.against is not None or averaging(self._space):
@@ -311,26 +294,44 @@ class Foundations:
 
         Args:
             shapes: see ``shapes``.
-            fixed: which owned dofs are prescribed, shape (owned dofs,).
-            turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
+            fixed: which owned dofs are prescribed, shape (owned dofs,), at nodes that are ``turned`` in their frames.
+            turned: these nodes; None: there are none.
             at_rest: see ``at_rest``, ghosts may be included; None: none.
         """
         parts = []
-        for k, (shape, compiled) in enumerate(zip(shapes, self.forms, strict=True)):
+        for k, shape in enumerate(shapes):
             if k in self._masters:
                 part = self._paired(k, shape.factor, fixed, turned, at_rest)
             else:
-                part = rigid_points(self._space, compiled, self.facets[k], k, shape, fixed, turned)
-            parts.append(self._along(k, shape, part))
+                part = self._rigid_points(k, shape, fixed, turned)
+            if shape.axes is not None:
+                axes = shape.axes.at(part.nodes)
+                part = replace(part, friction_axes=axes)
+                axes.check(part.normal, lambda part=part: part.points.movable, f"contact[{k}].friction", part.comm)
+            parts.append(part)
         return join(parts) if parts else no_points(self._space)
 
-    def _along(self, number: int, shape: ShapeDistances, part: ContactBoundary) -> ContactBoundary:
-        """The points of a contact with the axes of its friction."""
-        if shape.axes is None:
-            return part
-        axes = shape.axes.at(part.nodes)
-        part = replace(part, friction_axes=axes)
-        axes.check(part.normal, lambda: part.points.movable, f"contact[{number}].friction", part.comm)
+    def _rigid_points(
+        self, number: int, shape: ShapeDistances, fixed: npt.NDArray[np.bool_], turned: TurnedNodes | None
+    ) -> ContactBoundary:
+        """The points of a rigid foundation."""
+        space, facets, (form, function) = self._space, self.facets[number], self.forms[number]
+        if function is not None and shape.factor is not None:
+            function.x.array.reshape(-1, function.function_space.dofmap.bs)[:, 0] = np.nan_to_num(shape.factor)
+        if form is None:
+            from signorini_fx.mechanics.obstacles.paired_points import averaged_points
+
+            points, averages = averaged_points(space, facets, shape.factor, fixed)
+        else:
+            points = nodal_points(space, form, 0.0 if shape.factor is None else SAME_NUMBER)
+            nodes, names = points[0], space.dofmap.index_map.local_to_global(points[0])
+            x, held = node_positions(space)[nodes, : self._dimension], fixed.reshape(-1, self._dimension)[nodes]
+            averages = Averages.at_nodes(names, x, held)
+        part = contact_part(space, points, averages, facets, number, turned)
+        if shape.direction is not None:
+            return replace(part, normal=shape.direction[part.nodes])
+        if shape.factor is not None:
+            return replace(part, normal=_axial(part.normal, shape.factor[part.nodes] == 0))
         return part
 
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
@@ -354,12 +355,7 @@ class Foundations:
         turned: TurnedNodes | None,
         at_rest: npt.NDArray[np.bool_] | None,
     ) -> FacingSides:
-        """Both sides of a pair before they are paired, with a factor of its measure at all nodes of this rank; for the
-        other arguments see ``boundary``; collective.
-
-        Raises:
-            FormError: see ``FacingSides``.
-        """
+        """Both sides of a pair before they are paired, with the factor of its measure, see ``boundary``."""
         from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 
         sides, flags = (self.facets[number], self._masters[number]), fixed.reshape(-1, self._dimension)
@@ -370,10 +366,7 @@ class Foundations:
         return FacingSides.of(self._space, sides, number, flags, taken, turned, rests, factor)
 
     def _gap_of(self, number: int) -> tuple[Array, Array | None]:
-        """The gap of one contact at all nodes of this rank, and what of it is no geometry of a pair; collective.
-
-        The geometry of a pair is in it at the points of this rank alone.
-        """
+        """The gap of one contact at the nodes, and what of it is no geometry of a pair, which points alone have."""
         contact, at = self._contact[number], self._values[number]
         key = "allowance" if contact.by_geometry else "gap"
         given = at(0.0 if contact.bonded else getattr(contact, key), f"contact[{number}].{key}")
@@ -383,14 +376,14 @@ class Foundations:
             return given, None
         from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 
-        adjusted_gap = given.copy()
-        adjusted_gap[pair.local(pair.coupling.nodes)] += closed_within(pair.coupling.gap, contact.adjust)
-        return adjusted_gap, given
+        gap = given.copy()
+        gap[pair.local(pair.coupling.nodes)] += closed_within(pair.coupling.gap, contact.adjust)
+        return gap, given
 
     @cached_property
     def cells(self) -> BodyCells:
         """The cells of the body."""
-        return BodyCells.of(self._space, self._space.mesh.geometry.dim)
+        return BodyCells.of(self._space)
 
     def _distance_of(self, number: int) -> Array:
         """The signed distance from the shape of one contact at all nodes of this rank; collective."""
@@ -439,22 +432,13 @@ class Foundations:
         Raises:
             FormError: a value is wrong somewhere.
         """
-        contact_data = []
-        for k, (shape, law) in enumerate(zip(shapes, self.friction(), strict=True)):
-            contact_data.append(FoundationData(shape, law, *self._gap_of(k)))
-        return contact_data
+        laws = self.friction()
+        return [FoundationData(shape, laws[k], *self._gap_of(k)) for k, shape in enumerate(shapes)]
 
     def problem(
         self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, scales: Scales
     ) -> tuple[RegularisedData, PointFriction | None]:
-        """The regularised problem without shifts at the points, and its friction law; None where no law can act.
-
-        Args:
-            boundary: the points.
-            data: see ``data``.
-            settings: gamma and sigma.
-            scales: of the body.
-        """
+        """The regularised problem without shifts at the points, and its friction law; None where no law can act."""
         law = self.law(boundary, scales.modulus, [entry.law for entry in data])
         closed = [k for k, contact in enumerate(self._contact) if contact.bilateral or contact.bonded]
         bilateral, gap = np.isin(boundary.part, closed), np.zeros(boundary.size)
@@ -470,14 +454,8 @@ class Foundations:
     def law(
         self, boundary: ContactBoundary, modulus: float, friction: Sequence[FrictionLaw | None] | None = None
     ) -> PointFriction | None:
-        """The friction at the points; None where none can act.
-
-        At points that cannot move along their normal it is that without pressure.
-
-        Args:
-            boundary: the points.
-            modulus: of the body, stress: up to it pressures are tried at which laws keep to what they say.
-            friction: see ``friction``; None: as it is now.
+        """The friction at the points, where these cannot move along their normal without pressure; None where none can
+        act; ``modulus``: of the body, stress, up to which pressures are tried; ``friction``: None: as it is now.
 
         Raises:
             FormError: a law is not what it says.
@@ -496,37 +474,6 @@ class Foundations:
             if self._contact[k].bonded:
                 parts[-1] = stuck(np.ones(at.size, dtype=bool))
         return joined(parts, points).without_pressure(boundary.points.immovable)
-
-
-def rigid_points(
-    space: fem.FunctionSpace,
-    compiled: tuple[Any, fem.Function | None],
-    facets: npt.NDArray[np.int32],
-    number: int,
-    shape: ShapeDistances,
-    fixed: npt.NDArray[np.bool_],
-    turned: TurnedNodes | None = None,
-) -> ContactBoundary:
-    """The points of a rigid foundation from one of ``Foundations.forms``; for the other arguments see ``boundary``;
-    collective.
-    """
-    (form, function), dim = compiled, space.mesh.geometry.dim
-    if function is not None and shape.factor is not None:
-        function.x.array.reshape(-1, function.function_space.dofmap.bs)[:, 0] = np.nan_to_num(shape.factor)
-    if form is None:
-        from signorini_fx.mechanics.obstacles.paired_points import averaged_points
-
-        points, averages = averaged_points(space, facets, shape.factor, fixed)
-    else:
-        points = nodal_points(space, form, 0.0 if shape.factor is None else SAME_NUMBER)
-        nodes, names = points[0], space.dofmap.index_map.local_to_global(points[0])
-        averages = Averages.at_nodes(names, node_positions(space)[nodes, :dim], fixed.reshape(-1, dim)[nodes])
-    part = contact_part(space, points, averages, facets, number, turned)
-    if shape.direction is not None:
-        return replace(part, normal=shape.direction[part.nodes])
-    if shape.factor is not None:
-        return replace(part, normal=_axial(part.normal, shape.factor[part.nodes] == 0))
-    return part
 
 
 def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:

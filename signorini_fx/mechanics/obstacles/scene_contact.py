@@ -1,10 +1,9 @@
-"""The contact of a scene as foundations and pairs, which forms of a user's own have too, and which side of a pair
-carries the contact points.
+"""The contact of a scene as foundations and pairs, and which side of a pair carries the contact points.
 
-It is the softer one; of equally soft ones the one that lies on the other wholly, else the finer one.  The multipliers
-of a mortar method live on one side.  On the finer or softer one they resolve what the other side can follow; on a much
-stiffer one the error is larger and Krylov methods converge slowly.  Where a narrow side slides on a wide one, points on
-the wide side lose their partners one by one at its ends, and the iteration needs many more solves.
+It is the softer one; of equally soft ones the one that lies on the other wholly, else the finer one.  On the finer or
+softer one multipliers resolve what the other side can follow; on a much stiffer one the error is larger and Krylov
+methods converge slowly.  Where a narrow side slides on a wide one, points on the wide side lose their partners one by
+one at its ends, and the iteration needs many more solves.
 """
 
 from __future__ import annotations
@@ -45,21 +44,10 @@ def foundations_of(
         if number in masters:
             gap = _evaluable(effect.gap)
             choice = {"gap": gap} if effect.distance == "nominal" else {"allowance": gap, "adjust": effect.adjust}
-            foundations.append(
-                Pair(
-                    on,
-                    masters[number],
-                    friction=friction,
-                    bilateral=bilateral,
-                    bonded=bonded,
-                    measure=around,
-                    sliding=effect.sliding == "finite",
-                    **choice,
-                )
-            )
+            choice |= {"friction": friction, "bilateral": bilateral, "bonded": bonded, "measure": around}
+            foundations.append(Pair(on, masters[number], sliding=effect.sliding == "finite", **choice))
             continue
-        gap, shape = _evaluable(effect.gap), shape_at_points(effect.surface, kinematics)
-        direction = effect.direction
+        gap, shape, direction = _evaluable(effect.gap), shape_at_points(effect.surface, kinematics), effect.direction
         if direction is not None:
             direction = (*direction, *[0.0] * kinematics.out_of_section)
         foundations.append(Foundation(on, gap, direction, friction, bilateral, around, shape, bonded))
@@ -95,12 +83,8 @@ def _evaluable(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class SideFigures:
-    """What the choice depends on, of all ranks.
-
-    Attributes:
-        stiffness: the mean shear modulus behind its facets, stress.
-        size: the mean extent of its facets, length.
-        vertices: of its facets, shape (n, 3), length.
+    """What the choice depends on, of all ranks: the mean shear modulus behind the facets of a side, stress, their mean
+    extent, length, and their vertices, length, shape (n, 3).
     """
 
     stiffness: float
@@ -139,16 +123,10 @@ class SideFigures:
 
 def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, shear_modulus: Any) -> Statement:
     """The scene with ``boundary`` and ``against`` exchanged where the points are on the latter; itself if on none;
-    collective.
+    ``facets``: of every boundary that the scene names; ``shear_modulus``: see ``SideFigures.of``; collective.
 
     With ``points = "auto"`` sides stay where values of the gap or the friction are functions, which were written for
     ``boundary``, and where other contacts or supports need the facets.
-
-    Args:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        facets: of every boundary that the scene names.
-        shear_modulus: see ``SideFigures.of``.
 
     Raises:
         SceneError: the points are asked for on facets that another contact needs.
@@ -157,17 +135,16 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
     for number, effect in enumerate(statement.contact):
         if effect.against is None or effect.points == "boundary":
             continue
+        others = [contact for k, contact in enumerate(contacts) if k != number]
+        taken = [name for contact in others for name in (contact.boundary, contact.against)]
+        points = "boundary"
         if effect.points == "auto":
             ours, theirs = (SideFigures.of(name, tagged, shear_modulus) for name in (effect.boundary, effect.against))
             values = (effect.gap, *effect.friction.parameters.values())
             if not theirs.is_better(ours) or not all(isinstance(value, int | float) for value in values):
                 continue
-        taken = [
-            name for k, contact in enumerate(contacts) if k != number for name in (contact.boundary, contact.against)
-        ]
-        if effect.points == "auto":
             taken += [support.where for support in statement.displacement]
-        points = "auto" if effect.points == "auto" else "boundary"
+            points = "auto"
         exchanged = {"boundary": effect.against, "against": effect.boundary, "points": points}
         if (existing := _sharing(effect.against, taken, tagged, facets)) is None:
             contacts[number] = effect.model_copy(update=exchanged)

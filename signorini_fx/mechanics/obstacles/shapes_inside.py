@@ -1,21 +1,18 @@
 """Whether a rigid shape lies inside the body, or has passed through it: what contact conditions at nodes cannot see.
 
-A shape is the solid {phi < 0} of a signed distance phi, and the body in its present place is the union of its cells,
-between the planes through the vertices of their facets.  Nodes alone do not tell where they overlap: a shape that is
-narrower than a facet fits between them.  In a cell that a shape reaches into, a point that is as deep as is not allowed
-is sought by projections in turn: onto the planes of the cell, and along the normal of the shape to that depth.  Of
-convex cells and shapes they lead to such a point if there is one.
+A shape is the solid {phi < 0} of a signed distance phi, and the body is the union of its cells, between the planes
+through the vertices of their facets.  A shape that is narrower than a facet fits between nodes.  So in a cell that a
+shape reaches into, a point that is too deep is sought by projections in turn: onto the planes of the cell, and along
+the normal of the shape.  Of convex cells and shapes they lead to such a point if there is one.
 
 Contact at nodes allows for some depth: between two nodes that are outside, a chord of length h cuts a circle of radius
 R to R - sqrt(R^2 - h^2 / 4).  So up to ``SHAPE_INSIDE`` of the radius of a cell, and of the inradius of the shape,
-which is the greatest depth that there is, nothing is said.  A cone, an edge or an open line has no largest ball, and
-its tip is cut by a chord however short: up to half its length, so the whole radius of a cell is allowed there, as with
-a shape of a user's own that does not say its inradius.
+nothing is said.  The tip of a cone, an edge or an open line, which have no largest ball, is cut by a chord up to half
+its length: the whole radius of a cell is allowed there, as with a shape of a user's own that does not say its inradius.
 
 A shape has passed through the body if on the straight way from one place and displacement to the next it is too deep
-somewhere; then both ends may be free of overlap.  Places between are those of the rigid motion with a share of the
-shift and of the rotation.  Where the shape has no largest ball, the body may have given way in between by as much as
-it is deformed otherwise at the end: a tip that slides along it dents places that are even at both ends.
+somewhere.  Where it has no largest ball, the body may have given way in between by as much as it is deformed otherwise
+at the end: a tip that slides along it dents places that are even at both ends.
 """
 
 from __future__ import annotations
@@ -28,7 +25,6 @@ import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -39,11 +35,8 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class InsideBody:
-    """Where a shape lies deep inside the body, or has on its way.
-
-    Attributes:
-        depth: of the body's point below the surface of the shape, length.
-        at: that point, displaced, length, shape (d,).
+    """Where a shape lies deep inside the body, or has on its way: the ``depth`` of the point ``at`` of the displaced
+    body below the surface of the shape, lengths.
     """
 
     depth: float
@@ -55,13 +48,8 @@ class InsideBody:
 
 @dataclass(frozen=True)
 class BodyCells:
-    """The cells of this rank.
-
-    Attributes:
-        kind: of the cells.
-        nodes: of each cell, vertices first, local numbers, shape (c, n).
-        x: initial positions of the nodes, length, shape (nodes, d).
-        space: the displacements.
+    """The cells of this rank in a ``space`` of displacements: their kind, their ``nodes``, vertices first, local
+    numbers, shape (c, n), and initial positions ``x`` of all nodes, length, shape (nodes, d).
     """
 
     kind: basix.CellType
@@ -70,18 +58,15 @@ class BodyCells:
     space: fem.FunctionSpace
 
     @classmethod
-    def of(cls, space: fem.FunctionSpace, dimension: int) -> BodyCells:
-        """Those of a space of displacements; ``dimension``: of the points that shapes are asked at, d."""
+    def of(cls, space: fem.FunctionSpace) -> BodyCells:
+        """Those of a space of displacements."""
         mesh = space.mesh
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        x = node_positions(space)[:, :dimension].astype(np.float64)
+        x = node_positions(space)[:, : mesh.geometry.dim].astype(np.float64)
         return cls(space.element.basix_element.cell_type, space.dofmap.list[:owned], x, space)
 
     def placed(self, displacement: Array) -> Array:
-        """Positions of the nodes at a displacement, its values with ghosts, length, shape (nodes, d).
-
-        Sections of bodies of revolution stay in their plane, whatever turns around the axis.
-        """
+        """Positions of the nodes at a displacement with ghosts, shape (nodes, d); sections stay in their plane."""
         places, within = self.x.copy(), slice(self.space.mesh.topology.dim)
         places[:, within] += displacement.reshape(-1, self.space.dofmap.index_map_bs)[:, within]
         return places
@@ -91,11 +76,7 @@ class BodyCells:
         return np.asarray(places[self.nodes[:, : len(basix.topology(self.kind)[0])]])
 
     def planes(self, corners: Array) -> tuple[Array, Array]:
-        """Points of the planes of the facets of some cells, and their outward normals, shapes (c, f, d).
-
-        Args:
-            corners: of the cells, shape (c, v, d).
-        """
+        """Points of the planes of the facets of cells with such corners, and outward normals, shapes (c, f, d)."""
         facets = [facet[: self.space.mesh.topology.dim] for facet in basix.topology(self.kind)[-2]]
         at = corners[:, np.array(facets)]
         along = at[:, :, 1:, :] - at[:, :, :1, :]
@@ -109,31 +90,23 @@ class BodyCells:
         return at[:, :, 0], np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
 
     def inside(self, places: Array, shape: Any, added: float = 0.0) -> InsideBody | None:
-        """Where the shape lies inside the body, None: nowhere; collective.
-
-        Args:
-            places: of the nodes, see ``placed``.
-            shape: an object with ``distance``, see ``Shape``; what is hollow and what is flat is not looked at.
-            added: what is added to its distance, length.
+        """Where a shape, an object with ``distance``, lies inside the body, None: nowhere; ``places``: see ``placed``;
+        ``added``: to the distance, length; what is hollow and what is flat is not looked at; collective.
         """
         of_cell = 1.0 if _inradius(shape) == math.inf else SHAPE_INSIDE
         return self._too_deep(places, shape, added, SHAPE_INSIDE, of_cell)
 
     def swallowed(self, shape: Any) -> InsideBody | None:
-        """Where the middle of the shape lies inside the undeformed body, so that the surface of the body does not see
-        it, or from behind; None: nowhere; collective.
+        """Where the middle of the shape lies inside the undeformed body, whose surface does not see it, or from behind;
+        None: nowhere; collective.
         """
         return self._too_deep(self.x, shape, 0.0, SHAPE_MIDDLE, math.inf)
 
     def passed(self, before: tuple[Array, Any], now: tuple[Array, Any], added: float = 0.0) -> InsideBody | None:
-        """Where the shape has been inside the body on the straight way between two states; None: nowhere; collective.
-
-        Args:
-            before: places of the nodes, and the shape.
-            now: likewise.
-            added: see ``inside``.
+        """Where the shape has been inside the body on the straight way between two states, places of the nodes and the
+        shape; None: nowhere; ``added``: see ``inside``; collective.
         """
-        (begun, earlier), (ended, shape), comm = before, now, self._comm
+        (begun, earlier), (ended, shape), comm = before, now, self.space.mesh.comm
         radius = _inradius(shape)
         if radius == math.inf and not getattr(shape, "narrows", True):
             return None
@@ -143,32 +116,24 @@ class BodyCells:
         if radius < math.inf:
             size, of_cell, yielding = radius, math.inf, 0.0
         else:
-            total, count = parallel.global_sum(comm, moved.sum(axis=0)), parallel.global_sum(comm, len(moved))
-            yielding = parallel.largest(comm, np.linalg.norm(moved - total / count, axis=1), 0.0)
             reach = _reach(self.corners(ended))
-            lengths, cells = parallel.global_sum(comm, np.array([reach.sum(), len(reach)]))
-            size, of_cell = float(lengths / cells), 1.0
+            sums = parallel.global_sum(comm, np.array([len(reach), reach.sum(), len(moved), *moved.sum(axis=0)]))
+            yielding = parallel.largest(comm, np.linalg.norm(moved - sums[3:] / sums[2], axis=1), 0.0)
+            size, of_cell = float(sums[1] / sums[0]), 1.0
         if far <= SHAPE_INSIDE * size:
             return None
         steps = math.ceil(min(2.0 * far / (SHAPE_INSIDE * size), MOST_PLACES))
         for share in np.arange(1, steps) / steps:
             places = (1.0 - share) * begun + share * ended
             between = shape.on_way_from(earlier, float(share), places.shape[1])
-            deep = self._too_deep(places, between, added, SHAPE_INSIDE, of_cell, yielding)
-            if deep is not None:
+            if (deep := self._too_deep(places, between, added, SHAPE_INSIDE, of_cell, yielding)) is not None:
                 return deep
         return None
-
-    @property
-    def _comm(self) -> MPI.Comm:
-        return self.space.mesh.comm
 
     def _too_deep(
         self, places: Array, shape: Any, added: float, of_shape: float, of_cell: float, yielding: float = 0.0
     ) -> InsideBody | None:
-        """The deepest point found of those that are deeper in the shape than these shares of its inradius and of the
-        radius of the cell; collective.
-        """
+        """The deepest point deeper in the shape than these shares of its inradius and of the radius of the cell."""
         radius = _inradius(shape) - max(added, 0.0)
         endless = radius == math.inf and (of_cell == math.inf or not getattr(shape, "narrows", True))
         if radius <= 0.0 or endless:
@@ -191,7 +156,7 @@ class BodyCells:
                     break
                 x = x - np.maximum(signed + added + allowed, 0.0)[:, None] * normal * ~found[:, None]
             deep = np.column_stack((-signed - added, x))[found]
-        rows = parallel.gather_rows(self._comm, deep)
+        rows = parallel.gather_rows(self.space.mesh.comm, deep)
         if not len(rows):
             return None
         deepest, *place = rows[np.lexsort((*rows[:, 1:].T[::-1], -rows[:, 0]))[0]].tolist()
