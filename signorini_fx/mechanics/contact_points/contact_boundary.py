@@ -47,8 +47,7 @@ class MovingFoundation:
         modes: displacement of the foundation of each point for each of the k unknowns, shape (n, d, k).
         fixed: which unknowns are prescribed, shape (k,).
         stiffness: of springs to the ground, force / length, shape (k,).
-        number: of the foundation of each unknown, from 0, shape (k,).
-        bodies: these foundations, shape (t,).
+        number: of the foundation of each unknown among the ``bodies``, shape (k,).
     """
 
     modes: Nodal
@@ -120,31 +119,28 @@ class ContactBoundary:
 
     @cached_property
     def tangents(self) -> Nodal:
-        """Tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction depends on the direction, see
-        ``laws.directed``.
-        """
+        """Tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction has a direction."""
         return self._axes if self.friction_axes is None else self._axes * self.friction_axes.scale
 
     @cached_property
     def cotangents(self) -> Nodal:
-        """Their dual basis, shape (n, d, d - 1), with which components of displacements along the tangents make a
-        vector; that of forces is made with the tangents.
+        """Their dual basis, shape (n, d, d - 1), with which components of displacements make a vector; forces are made
+        with the tangents.
         """
         return self._axes if self.friction_axes is None else self._axes / self.friction_axes.scale
 
     @cached_property
     def _axes(self) -> Nodal:
-        """Orthonormal tangents, see ``tangents_of``; where a component perpendicular to the normal is prescribed, one
-        of them is along it; those of friction with a direction along its axes.
-
-        Normals of a curved surface are off a support's plane by round-off of its cells, and so is that tangent off the
-        plane across the normal.  Where nothing is free it need not be: the tractions there may be of any size.
+        """Orthonormal tangents, see ``tangents_of``; where a component perpendicular to the normal is prescribed, but
+        not all are, one of them is along it; those of friction with a direction along its axes.
         """
         tangents = tangents_of(self.normal)
         if self.normal.shape[1] == 2:
             return tangents
+        # Normals of a curved surface are off a support's plane by round-off of its cells.
+        components = np.abs(np.einsum("ij,ijk->ik", self.normal, self.axes))
         for axis in range(3):
-            held_across = ~self.free[:, axis] & self.free.any(axis=1) & (self._components[:, axis] <= ROOT_OF_EPS)
+            held_across = ~self.free[:, axis] & self.free.any(axis=1) & (components[:, axis] <= ROOT_OF_EPS)
             along = self.axes[held_across, :, axis]
             tangents[held_across] = np.stack((along, np.cross(self.normal[held_across], along)), axis=2)
         return tangents if self.friction_axes is None else self.friction_axes.directions(self.normal, tangents)
@@ -156,13 +152,8 @@ class ContactBoundary:
 
     @property
     def coframes(self) -> Nodal:
-        """Their dual basis, (n, T^-T), with which components of displacements make a vector, shape (n, d, d)."""
+        """Their dual basis, (n, T^-T), shape (n, d, d)."""
         return np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
-
-    @property
-    def _components(self) -> Nodal:
-        """Sizes of the components of the normal that ``free`` is told of, shape (n, d)."""
-        return np.abs(np.einsum("ij,ijk->ik", self.normal, self.axes))
 
     @cached_property
     def points(self) -> ContactPoints:
@@ -195,9 +186,7 @@ class ContactBoundary:
         return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ijk->ik", y, self.tangents)
 
     def nodal_forces(self, pressure: Nodal, shear: Nodal) -> Nodal:
-        """Nodal w (lambda n + T mu), shape (n, d): (lambda, tau_N .) + (mu, tau_T .), minus the forces on the body; of
-        points with ``pushing`` with that for n.
-        """
+        """Nodal w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing`` for n."""
         along = self.normal if self.pushing is None else self.pushing
         traction = pressure[:, None] * along + np.einsum("ik,ijk->ij", shear, self.tangents)
         return self.weight[:, None] * traction
@@ -254,10 +243,8 @@ def unit_contact_form(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], f
 
 
 def nodal_points(space: fem.FunctionSpace, form: fem.Form, least: float) -> tuple[npt.NDArray[np.int32], Nodal, Nodal]:
-    """Local numbers of contact nodes, shape (n,), their weights, shape (n,), and normals, shape (n, d), from the unit
-    contact form; collective.
-
-    Nodes whose weight is no larger than ``least`` times the largest one are no points.
+    """Local numbers of contact nodes, their weights and normals, from the unit contact form; nodes whose weight is no
+    larger than ``least`` times the largest one are no points; collective.
     """
     weighted_normals = assemble(form).reshape(-1, space.mesh.geometry.dim)
     size = np.linalg.norm(weighted_normals, axis=1)
@@ -302,9 +289,7 @@ def no_points(space: fem.FunctionSpace) -> ContactBoundary:
 def segments_of(
     space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, *, vertices: bool
 ) -> npt.NDArray[np.int64]:
-    """The part and the global numbers of the nodes, or of the vertices alone, of each facet, see
-    ``ContactBoundary.segments``.
-    """
+    """See ``ContactBoundary.segments``; ``vertices``: whether of each facet these alone."""
     side, local_nodes = space.mesh.topology.dim - 1, facet_nodes(space, facets)
     # Vertices come first, then inner nodes: along a facet in 2D the second vertex is the last node.
     if vertices:
@@ -323,15 +308,9 @@ def contact_map(
     dimension: int,
     behind: int = 0,
 ) -> ContactMap:
-    """B from the unknowns of the stiffness; collective.
-
-    Args:
-        boundary: the contact points; None: there are none.
-        fixed: the prescribed unknowns of this rank.
-        matrix: the stiffness, for the layout of x.
-        rotation: Q, where displacements are y = Q x; None: they are x.
-        dimension: of space.
-        behind: how many unknowns stand behind those of foundations that move, which no point reaches.
+    """B from the unknowns of the stiffness, of which some are ``fixed``; ``rotation``: Q, where displacements are
+    y = Q x, None: they are x; ``behind``: how many unknowns, which no point reaches, stand behind those of foundations
+    that move; collective.
     """
     (columns, _), _ = (matrix if rotation is None else rotation).getSizes()
     if boundary is None:
@@ -356,52 +335,35 @@ def contact_map(
     # What a tangent or a normal has of a component across it is round-off, and gamma makes a shear of it: it is zero.
     mapping = mapping.after(rotation, fixed)
     mapping.operator.chop(ZERO_COMPONENT)
-    return mapping if boundary.moving is None else _relative_to_foundations(mapping, boundary, boundary.moving, behind)
-
-
-def _relative_to_foundations(
-    contact: ContactMap, boundary: ContactBoundary, moving: MovingFoundation, behind: int
-) -> ContactMap:
-    """[I, -R]: the map with the motion of foundations; after their k unknowns come ``behind`` others; collective."""
-    (rows, _), (columns, total_columns) = contact.operator.getSizes()
-    (_, last), entries = moving.modes.shape[1:], -np.einsum("nij,nik->njk", boundary.frames, moving.modes)
-    csr = sp.csr_array(entries.reshape(rows, last))
-    indices = (total_columns - behind - last + csr.indices).astype(PETSc.IntType)
-    relative = PETSc.Mat().createAIJ(
-        ((rows, None), (columns, None)), csr=(csr.indptr.astype(PETSc.IntType), indices, csr.data), comm=boundary.comm
-    )
-    relative.axpy(1.0, contact.operator, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    return replace(contact, operator=relative, paired=True)
+    if (moving := boundary.moving) is None:
+        return mapping
+    # [I, -R]: the map with the motion of foundations.
+    (rows, _), (columns, total_columns) = mapping.operator.getSizes()
+    csr = sp.csr_array(-np.einsum("nij,nik->njk", boundary.frames, moving.modes).reshape(rows, moving.number.size))
+    indices = (total_columns - behind - moving.number.size + csr.indices).astype(PETSc.IntType)
+    entries = csr.indptr.astype(PETSc.IntType), indices, csr.data
+    relative = PETSc.Mat().createAIJ(((rows, None), (columns, None)), csr=entries, comm=boundary.comm)
+    relative.axpy(1.0, mapping.operator, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return replace(mapping, operator=relative, paired=True)
 
 
 def with_rotations(contact: ContactMap, boundary: ContactBoundary) -> PETSc.Mat:
-    """B with rows more after those of each point: the rotations of the rigid body that it touches, times L; collective.
-
-    Args:
-        contact: B, with the unknowns of rigid bodies as its last columns.
-        boundary: the contact points, with rigid bodies that move.
+    """B, whose last columns are the unknowns of rigid bodies, with rows more after those of each point: the rotations
+    of the rigid body that it touches, times L; collective.
     """
     moving, dim, count = boundary.moving, boundary.x.shape[1], boundary.size
     assert moving is not None
     (_, (columns, total)) = contact.operator.getSizes()
     each = moving.number.size // len(moving.bodies)
-    reached = (moving.modes != 0.0).any(axis=1)
-    touches = np.where(reached.any(axis=1), moving.number[reached.argmax(axis=1)], -1)
-    points = np.flatnonzero(touches >= 0)
     starts, names, values = contact.operator.getValuesCSR()
-    shape = (dim * count, total)
-    along = sp.csr_array((values, names.astype(np.int64), starts.astype(np.int64)), shape=shape)
-    turns = each - dim
-    rows = (turns * points[:, None] + np.arange(turns)).ravel()
-    at = (total - moving.number.size + each * touches[points][:, None] + dim + np.arange(turns)).ravel()
-    about = sp.csr_array((np.ones(rows.size), (rows, at)), shape=(turns * count, total))
-    order = np.column_stack(
-        (
-            np.arange(dim * count).reshape(count, dim),
-            dim * count + np.arange(turns * count).reshape(count, turns),
-        )
-    ).ravel()
-    matrix = sp.csr_array(sp.vstack((along, about), format="csr")[order])
+    along = sp.coo_array(sp.csr_array((values, names, starts), shape=(dim * count, total)))
+    points, unknown = np.nonzero((moving.modes != 0.0).any(axis=1))
+    points, first = np.unique(points, return_index=True)
+    turns = np.arange(dim, each)  # of the rows of a point, and of the unknowns of a body
+    about = total - moving.number.size + each * moving.number[unknown[first]][:, None] + turns
+    rows = np.concatenate((each * (along.row // dim) + along.row % dim, (each * points[:, None] + turns).ravel()))
+    entries = np.append(along.data, np.ones(about.size)), (rows, np.append(along.col, about.ravel()))
+    matrix = sp.csr_array(entries, shape=(each * count, total))
     csr = (matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType), matrix.data)
     return PETSc.Mat().createAIJ(((each * count, None), (columns, None)), csr=csr, comm=contact.operator.comm)
 
@@ -419,7 +381,7 @@ def block_diagonal(operator: PETSc.Mat, blocks: Nodal) -> PETSc.Mat:
 
 
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
-    """S of ``ContactMap`` where two bodies are in contact; None: else, or where points share a node; collective."""
+    """S of ``ContactMap`` between two bodies whose points share no node; else None; collective."""
     averages = boundary.averages
     if not averages.paired or averages.lift is None:
         return None
