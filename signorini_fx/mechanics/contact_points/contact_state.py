@@ -16,11 +16,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 
 @dataclass(frozen=True, repr=False)
 class ContactState(PointState):
-    """The contact nodes of this rank after a solve, see ``PointState``.
-
-    Attributes:
-        boundary: nodes, weights and normals.
-    """
+    """The contact nodes of this rank after a solve, and their ``boundary``: weights and normals."""
 
     boundary: ContactBoundary
 
@@ -56,39 +52,39 @@ class ContactState(PointState):
 
     @cached_property
     def moments(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Moments of ``forces`` about the origin, in 3D only, shape (3,); of a section those about the
-        axis x[1] alone, as others cancel over a revolution; collective.
+        """Moments of ``forces`` about the origin, in 3D only, shape (3,); of a section those about the axis x[1], as
+        others cancel over a revolution; collective.
         """
         boundary = self.boundary
         about_origin = np.cross(boundary.centre[:, None], self._forces).sum(axis=0)
         contact, friction = boundary.kinematics.unbalanced[3:] * parallel.global_sum(boundary.comm, about_origin)
         return contact, friction
 
-    @cached_property
+    @property
     def mean_tangential_displacement(self) -> float | Nodal:
         """Mean of tau_T y over the contact boundary, length: along the tangent; in 3D a vector, shape (3,);
         collective.
         """
-        mean = self._tangential_sums.sum(axis=0)
-        return float(mean[0] / mean[1]) if mean.size == 2 else mean[:-1] / mean[-1]
+        return self._mean_tangential[0]
 
-    @cached_property
+    @property
     def mean_tangential_of_each(self) -> list[float | Nodal]:
         """The same of each contact boundary, in the order of the scene; collective."""
-        sums = self._tangential_sums
-        return [float(mean[0] / mean[1]) if mean.size == 2 else mean[:-1] / mean[-1] for mean in sums]
+        return self._mean_tangential[1:]
 
     @cached_property
-    def _tangential_sums(self) -> Nodal:
-        """Of weight times tau_T y, and of weight, of each contact boundary, shape (boundaries, k + 1); collective."""
+    def _mean_tangential(self) -> list[float | Nodal]:
+        """Of all contact boundaries together, and of each."""
         boundary, along = self.boundary, self.displaced(self.u_t)
         sums = np.zeros((len(self.forces_of_each), along.shape[1] + 1))
         np.add.at(sums, boundary.part, boundary.weight[:, None] * np.column_stack((along, np.ones(len(along)))))
-        return parallel.global_sum(boundary.comm, sums)
+        sums = parallel.global_sum(boundary.comm, sums)
+        means = [mean[:-1] / mean[-1] for mean in (sums.sum(axis=0), *sums)]
+        return [float(mean[0]) if mean.size == 1 else mean for mean in means]
 
     def tangential(self, vectors: Nodal) -> Nodal:
-        """Shears, shape (n, d - 1), as in tables: in 2D along the tangent, shape (n, 1), in 3D as
-        vectors with three components, shape (n, 3), which do not depend on the choice of tangents.
+        """Shears, shape (n, d - 1), as in tables: in 2D along the tangent, in 3D as vectors, shape (n, 3), which do not
+        depend on the choice of tangents.
         """
         if vectors.shape[1] == 1:
             return vectors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,7 @@ class ContactTable:
     def paths(self) -> list[npt.NDArray[np.int64]]:
         """The rows along each connected piece; at the end of a closed one its first row again."""
         to_next = self.columns.get("to_next")
-        closed = [to_next is not None and to_next[chain.stop - 1] > 0 for chain in self.chains]
+        closed = [to_next is not None and to_next[piece.stop - 1] > 0 for piece in self.chains]
         return [np.array([*c, *c[:1]] if loop else c) for c, loop in zip(self.chains, closed, strict=True)]
 
     def arc(self, path: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
@@ -116,8 +116,7 @@ def contact_table(
 ) -> ContactTable:
     """Gather the contact nodes of all ranks and put them in order; the same on every rank, and on any number of ranks.
 
-    In 2D the order is that along the boundary, which has no counterpart on a surface: there it is that of the
-    coordinates.
+    In 2D the order is that along the boundary, on a surface that of the coordinates.
 
     Args:
         contact: the nodes of this rank.
@@ -127,61 +126,55 @@ def contact_table(
     boundary = contact.boundary
     dim = boundary.x.shape[1] - boundary.kinematics.out_of_section
     numbers = parallel.gather_rows(boundary.comm, np.column_stack((boundary.part, boundary.global_nodes)))
-    scalars = {
+    values = {
+        "x": boundary.x[:, :dim],
+        "n": boundary.normal[:, :dim],
         "gap": contact.gap,
         "u_n": contact.u_n,
+        "u_t": contact.displaced(contact.u_t),
         "pressure": contact.pressure,
+        "shear": contact.tangential(contact.shear),
+        "slip": contact.displaced(contact.slip_length),
         "bound": contact.bound,
         "touching": contact.in_contact,
         "side": contact.sliding_side(),
         "weight": boundary.weight,
     }
-    vectors = {
-        "x": boundary.x[:, :dim],
-        "n": boundary.normal[:, :dim],
-        "u_t": contact.displaced(contact.u_t),
-        "shear": contact.tangential(contact.shear),
-        "slip": contact.displaced(contact.slip_length),
-    }
-    rows = parallel.gather_rows(boundary.comm, np.column_stack((*scalars.values(), *vectors.values())))
-    x = rows[:, len(scalars) : len(scalars) + dim]
+    widths = [value.shape[1] if value.ndim == 2 else 1 for value in values.values()]
+    rows = parallel.gather_rows(boundary.comm, np.column_stack([*values.values()]))
     segments = parallel.gather_rows(boundary.comm, boundary.segments)
     if dim == 2:
-        pieces, order, closed = _chains(numbers, _with_points(numbers, segments), x)
-        facets = None
+        (pieces, order, closed), facets = _chains(numbers, segments, rows[:, :dim]), None
     else:
-        pieces, order, closed = [], _by_position(numbers[:, 0], x), []
+        pieces, closed = [], []
+        order = np.lexsort((*_in_line(rows[:, :dim]).T[::-1], numbers[:, 0])).astype(np.int64)
         facets = _rows_of(numbers[order], segments)
-    rows, part = rows[order], numbers[order, 0]
-    ends = np.cumsum([len(scalars), *(values.shape[1] for values in vectors.values())])
-    of = dict(zip(scalars, rows.T, strict=False))
-    parts = {name: rows[:, a:b] for name, a, b in zip(vectors, ends, ends[1:], strict=False)}
+    part = numbers[order, 0]
+    of = dict(zip(values, np.split(rows[order], np.cumsum(widths)[:-1], axis=1), strict=True))
     slipping = np.array(["slip-", "stick", "slip+"] if boundary.x.shape[1] == 2 else ["", "stick", "slip"])
-    state = slipping[of["side"].astype(int) + 1]
+    state = slipping[of["side"][:, 0].astype(int) + 1]
     columns: dict[str, npt.NDArray[Any]] = {
-        **dict(zip("xyz", parts["x"].T, strict=False)),
-        "gap": of["gap"],
-        "u_n": of["u_n"],
-        **_components("u_t", parts["u_t"]),
-        "pressure": of["pressure"],
-        **_components("shear", parts["shear"]),
-        "bound": of["bound"],
-        "state": np.where(of["touching"] > 0, state, "open"),
-        "friction": np.where(of["bound"] > 0, state, "none"),
-        **_components("slip", parts["slip"]),
+        **dict(zip("xyz", of["x"].T, strict=False)),
+        **_components("gap", of["gap"]),
+        **_components("u_n", of["u_n"]),
+        **_components("u_t", of["u_t"]),
+        **_components("pressure", of["pressure"]),
+        **_components("shear", of["shear"]),
+        **_components("bound", of["bound"]),
+        "state": np.where(of["touching"][:, 0] > 0, state, "open"),
+        "friction": np.where(of["bound"][:, 0] > 0, state, "none"),
+        **_components("slip", of["slip"]),
         "boundary": np.array(names)[part.astype(int)],
         **({} if against is None else {"against": np.array([body or "" for body in against])[part.astype(int)]}),
-        **(_along(parts["x"], pieces, closed) if dim == 2 else {}),
-        **dict(zip(("n_x", "n_y", "n_z"), parts["n"].T, strict=False)),
-        "weight": of["weight"],
+        **(_along(of["x"], pieces, closed) if dim == 2 else {}),
+        **dict(zip(("n_x", "n_y", "n_z"), of["n"].T, strict=False)),
+        **_components("weight", of["weight"]),
     }
     return ContactTable(columns, pieces, numbers[order], facets)
 
 
 def _in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Positions, shape (n, d), relative to their extent and rounded: otherwise round-off would order points that are
-    meant to be in line.
-    """
+    """Positions relative to their extent, shape (n, d), rounded: else round-off would order points in line."""
     extent = float(np.ptp(x, axis=0).max()) if len(x) > 1 else 0.0
     return np.asarray(np.round(x / extent, 9)) if extent > 0 else np.zeros_like(x)
 
@@ -194,48 +187,27 @@ def _chains(
     A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
     not depend on the numbering of nodes and the number of ranks.  Nodes of segments that are no points are left out.
     """
-    x = _in_line(x)
-    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
-    neighbours: dict[int, list[int]] = {row: [] for row in range(len(numbers))}
+    keys = [*zip(numbers[:, 0].tolist(), *_in_line(x).T.tolist(), strict=True)]
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(numbers)}
+    neighbours: list[list[int]] = [[] for _ in keys]
     for part, *nodes in segments:
         path = [row_of[number] for node in nodes if (number := (int(part), int(node))) in row_of]
         for a, b in pairwise(path):
             neighbours[a].append(b)
             neighbours[b].append(a)
-
-    def key(row: int) -> tuple[int, float, float]:
-        return int(numbers[row, 0]), float(x[row, 0]), float(x[row, 1])
-
-    pieces: list[range] = []
-    order: list[int] = []
-    closed: list[bool] = []
-    seen: set[int] = set()
-    ends = sorted((row for row, near in neighbours.items() if len(near) <= 1), key=key)
-    sorted_rows = sorted(neighbours, key=key)
-    paths: list[list[int]] = []
-    for start in [*ends, *sorted_rows]:
-        if start in seen:
-            continue
-        chain = [start]
-        seen.add(start)
-        while (
-            following := next((n for n in sorted(neighbours[chain[-1]], key=key) if n not in seen), None)
-        ) is not None:
-            chain.append(following)
-            seen.add(following)
-        paths.append(chain)
-    for chain in sorted(paths, key=lambda rows: key(rows[0])):
-        pieces.append(range(len(order), len(order) + len(chain)))
-        order += chain
-        closed.append(len(chain) > 2 and chain[0] in neighbours[chain[-1]])
-    return pieces, np.array(order, dtype=np.int64), closed
-
-
-def _with_points(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """The facets with two nodes that carry points: between two bodies, and on an axis of revolution, not all do."""
-    base = int(max(segments[:, 1:].max(initial=0), numbers[:, 1].max(initial=0))) + 1
-    carrying = np.isin(segments[:, :1] * base + segments[:, 1:], numbers[:, 0] * base + numbers[:, 1])
-    return segments[carrying.sum(axis=1) >= 2]
+    rows = sorted(range(len(keys)), key=keys.__getitem__)
+    ends, seen, paths = [row for row in rows if len(neighbours[row]) <= 1], set[int](), list[list[int]]()
+    for start in [*ends, *rows]:
+        path, row = list[int](), None if start in seen else start
+        while row is not None:
+            path.append(row)
+            seen.add(row)
+            row = min((near for near in neighbours[row] if near not in seen), key=keys.__getitem__, default=None)
+        paths += [path] if path else []
+    paths.sort(key=lambda path: keys[path[0]])
+    closed = [len(path) > 2 and path[0] in neighbours[path[-1]] for path in paths]
+    limits = np.cumsum([0, *map(len, paths)]).tolist()
+    return [*map(range, limits, limits[1:])], np.array([*chain(*paths)], dtype=np.int64), closed
 
 
 def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -248,7 +220,7 @@ def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) ->
 
 
 def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.NDArray[np.float64]]:
-    """A tangential vector as columns: itself in 2D; its length and its components in 3D."""
+    """Values as columns: themselves; of tangential vectors in 3D their lengths and components."""
     if vectors.shape[1] == 1:
         return {name: vectors[:, 0]}
     return {name: length(vectors), **{f"{name}_{axis}": vectors[:, k] for k, axis in enumerate("xyz")}}
@@ -257,15 +229,10 @@ def _components(name: str, vectors: npt.NDArray[np.float64]) -> dict[str, npt.ND
 def _along(x: npt.NDArray[np.float64], pieces: list[range], closed: list[bool]) -> dict[str, npt.NDArray[np.float64]]:
     """Arc length along each connected piece, from its beginning, and the distance from each node to the next one."""
     along, to_next = np.zeros(len(x)), np.zeros(len(x))
-    for chain, loop in zip(pieces, closed, strict=True):
-        rows = slice(chain.start, chain.stop)
+    for piece, loop in zip(pieces, closed, strict=True):
+        rows = slice(piece.start, piece.stop)
         to_next[rows] = np.hypot(*(np.roll(x[rows], -1, axis=0) - x[rows]).T)
-        along[chain.start + 1 : chain.stop] = np.cumsum(to_next[chain.start : chain.stop - 1])
+        along[piece.start + 1 : piece.stop] = np.cumsum(to_next[piece.start : piece.stop - 1])
         if not loop:
-            to_next[chain.stop - 1] = 0.0
+            to_next[piece.stop - 1] = 0.0
     return {"s": along, "to_next": to_next}
-
-
-def _by_position(part: npt.NDArray[np.int64], x: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
-    """The order by boundary, then by coordinates, rounded so that round-off does not decide."""
-    return np.lexsort((*_in_line(x).T[::-1], part)).astype(np.int64)
