@@ -46,7 +46,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
 from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
-from signorini_fx.solving.load_steps import certified_result, first_start
+from signorini_fx.solving.load_steps import BegunStep, SteppedBody, first_start
 
 if TYPE_CHECKING:
     from signorini_fx.results.mechanics import StepResult
@@ -181,10 +181,8 @@ class FormSolver:
             begun = first_start(start, self.boundary, self.coarser_state if self._solution is None else None)
         else:
             data = data if (resting := self.task.rest) is None else resting.data_from(data)
-            begun, spin, renewed = self._last.start, self._spin(self.boundary), self.boundary is not self._last.boundary
-            if renewed:
-                begun = self._last.projected_onto(self.boundary, resting, spin)
-            begun, self.previous_step = self._last.begins_on(self.boundary, data, law, moved, begun, spin)
+            spin, renewed = self._spin(self.boundary), self.boundary is not self._last.boundary
+            begun, self.previous_step = self._last.begins_on(self.boundary, data, law, moved, resting, spin)
             solved = self._solution is not None and self._solution.step == begun.step
             if renewed and not solved:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
@@ -336,9 +334,10 @@ class FormSolver:
 
     def _judged(self, outcome: Outcome, solves_before: int) -> StepResult | None:
         """The last solve as the last step of a loop of the user's own; None: its owner certifies it; collective."""
-        number, last = self.begun.step, self.previous_step
-        begun = self.task, replace(self.begun, place=float(number)), last
-        result = certified_result(self.model(), counted_path(number), begun, outcome)
+        number = self.begun.step
+        body = SteppedBody(self.model(), counted_path(number), Timings())
+        begun = BegunStep(body, self.task, replace(self.begun, place=float(number)), self.previous_step)
+        result = begun.certified(outcome).result
         return replace(result, linear_solves=len(self.history.iterations) - solves_before)
 
     def _point_data(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:

@@ -84,14 +84,19 @@ class StepEnd:
         first: RegularisedData,
         law: PointFriction | None,
         moved: Array | None,
-        start: Start,
+        resting: ReferenceMotion | None,
         spin: Array | None = None,
     ) -> tuple[Start, PreviousStep]:
-        """Where the next step starts, and this end as it begins from it; ``start``: of it in the frames of these
-        points; ``moved``: by which foundations have moved at them, length, shape (n, d); collective.
+        """Where the next step starts, and this end as it begins from it, in the frames that these points have now;
+        ``moved``: by which foundations have moved at them, length, shape (n, d); ``resting``: the reference motion from
+        which slips count by now; ``spin``: see ``rotations``; collective.
 
         Slip is relative to foundations, and friction is that of the pressure with which this step has ended.
+
+        Raises:
+            FormError: the points are others.
         """
+        start = self.start if boundary is self.boundary else self._projected_onto(boundary, resting, spin)
         assert start.multipliers is not None
         data = replace(
             start.data,
@@ -111,15 +116,8 @@ class StepEnd:
         )
         return replace(start, data=data, law=law), before
 
-    def projected_onto(
-        self, boundary: ContactBoundary, resting: ReferenceMotion | None, spin: Array | None = None
-    ) -> Start:
-        """The start of the step in the frames that the same points have now, with which shears turn, see ``turned``;
-        ``resting``: the reference motion from which slips count by now; collective.
-
-        Raises:
-            FormError: the points are others.
-        """
+    def _projected_onto(self, boundary: ContactBoundary, resting: ReferenceMotion | None, spin: Array | None) -> Start:
+        """The start of the step in the frames that the same points have now, with which shears turn; collective."""
         start, earlier, normal, slips = self.start, self.boundary, self.normal, self.start.data.slip_origin
         if self.rest is not None:
             normal, slips = normal + self.rest.u_n, slips + self.rest.u_t
@@ -214,7 +212,8 @@ def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
     Args:
         earlier: unit vectors, shape (n, d).
         later: unit vectors, shape (n, d).
-        spin: the rotation of the foundation of each point, shape (n, d, d); None: it counts for nothing.
+        spin: the rotation of the foundation of each point, shape (n, d, d), less directions in which there is no shear
+            any more; None: it counts for nothing.
     """
     if spin is not None:
         earlier = np.einsum("nij,nj->ni", spin, earlier)

@@ -87,13 +87,40 @@ class BegunStep:
     start: Start
     last: PreviousStep | None
 
-    def certified(self, outcome: Outcome) -> StepResult:
-        """The result with the certificate's verdict; recorded linear solves are not counted yet."""
-        body = self.body
+    def certified(self, outcome: Outcome) -> LoadStep:
+        """The step with its result and the certificate's verdict; recorded linear solves are not counted yet."""
+        body, task, start = self.body, self.task, self.start
+        model, path = body.model, body.path
         with body.timings.phase("certify"):
-            result = certified_result(body.model, body.path, (self.task, self.start, self.last), outcome)
+            unknowns = outcome.displacement()
+            displacement = model.from_rest(task.rest, unknowns)
+            contact = None if model.boundary is None else model.state(task, outcome, start)
+            rigid = model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
+            certificate = model.certified(
+                displacement,
+                None if contact is None else Tractions.of(contact),
+                law=Law(*task.promised(outcome)),
+                step=start.place,
+                last=self.last,
+                rigid=rigid,
+            )
+            deformation = deformation_of(model, displacement, model.tagged.size)
+            result = StepResult(
+                step=start.step + 1,
+                place=start.place,
+                time=path.time_at(start.place),
+                name=path.name_at(start.place),
+                status=judged(outcome.status, certificate, deformation, model.settings),
+                displacement=displacement,
+                contact=contact,
+                certificate=certificate,
+                deformation=deformation,
+                strain_energy=certificate.strain_energy,
+                linear_solves=0,
+                tools=rigid,
+            )
             body.show(outcome, result)
-        return result
+        return LoadStep(body, task, start, self.last, result, outcome)
 
 
 @dataclass(frozen=True)
@@ -103,49 +130,8 @@ class LoadStep(BegunStep):
     result: StepResult
     outcome: Outcome
 
-    @classmethod
-    def of(cls, begun: BegunStep, outcome: Outcome, result: StepResult) -> LoadStep:
-        """The load step that has begun, with its result."""
-        return cls(begun.body, begun.task, begun.start, begun.last, result, outcome)
-
     def __str__(self) -> str:
         return f"{self.result}: {self.result.status.value}"
-
-
-def certified_result(
-    model: SolidBody,
-    path: LoadPath,
-    begun: tuple[Task, Start, PreviousStep | None],
-    outcome: Outcome,
-) -> StepResult:
-    """The result of a step; ``begun``: its task, start and last step; collective."""
-    (task, start, last), unknowns = begun, outcome.displacement()
-    displacement = model.from_rest(task.rest, unknowns)
-    contact = None if model.boundary is None else model.state(task, outcome, start)
-    rigid = model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
-    certificate = model.certified(
-        displacement,
-        None if contact is None else Tractions.of(contact),
-        law=Law(*task.promised(outcome)),
-        step=start.place,
-        last=last,
-        rigid=rigid,
-    )
-    deformation = deformation_of(model, displacement, model.tagged.size)
-    return StepResult(
-        step=start.step + 1,
-        place=start.place,
-        time=path.time_at(start.place),
-        name=path.name_at(start.place),
-        status=judged(outcome.status, certificate, deformation, model.settings),
-        displacement=displacement,
-        contact=contact,
-        certificate=certificate,
-        deformation=deformation,
-        strain_energy=certificate.strain_energy,
-        linear_solves=0,
-        tools=rigid,
-    )
 
 
 def judged(status: Status, certificate: Certificate, deformation: Deformation, settings: SolverSettings) -> Status:
@@ -436,9 +422,9 @@ class StepProgress(Stepping[LoadStep]):
         if reason is None:
             when = f"load step {start.step + 1}: " if steps.several else ""
             reason = explained(begun.body.model, begun.task, outcome, when)
-        result = begun.certified(outcome)
+        step = begun.certified(outcome)
         solves = history.linear_solves - solves_before
-        return LoadStep.of(begun, outcome, replace(result, linear_solves=solves, reason=reason or result.reason))
+        return replace(step, result=replace(step.result, linear_solves=solves, reason=reason))
 
     def store(self, checkpoint: MeshCheckpoint, step: LoadStep, marks: Marks) -> None:
         model = step.body.model
@@ -468,15 +454,15 @@ class StepProgress(Stepping[LoadStep]):
             outcome = checkpoint.recall(model, model.tagged.size, begun.task, start)
         if outcome is None:
             return None
-        result = begun.certified(outcome)
-        if result.status is not Status.CONVERGED:
-            history.add(f"restart: {result}: {result.status.value}: it is solved again")
+        step = begun.certified(outcome)
+        if step.result.status is not Status.CONVERGED:
+            history.add(f"restart: {step}: it is solved again")
             checkpoint.forget(number)
             newton.restore(beginning)
             return None
         checkpoint.recall_history(figures, history, self.body.timings)
         self.path.resume(figures["path"])
-        step = LoadStep.of(begun, outcome, replace(result, linear_solves=self.path.last))
+        step = replace(step, result=replace(step.result, linear_solves=self.path.last))
         self._take(step)
         return step
 

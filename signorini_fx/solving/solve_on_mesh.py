@@ -16,10 +16,8 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.body.discretisation import discretise, moved_since, placed
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -290,49 +288,21 @@ def on_moved_foundations(
             begun = begun.begin_from(start.sets, (pressure, shear))
         return from_rest(moved.space, moved.boundary, begun, drift)
     end.taken_up(task, moved, moved.rigid)
-    begun = end.projected_onto(moved.boundary, task.rest)  # contact alone may hold the body, which rests elsewhere now
+    now, before, spin = moved.boundary, earlier.boundary, None
+    if moved.pairs:  # across planes of symmetry, which supports make that hold from now on, there is no shear any more
+        spin = np.tile(np.eye(now.x.shape[1]), (now.size, 1, 1))
+        for number, pair in moved.pairs.items():
+            spin[now.part == number] -= pair.across
+    # Contact alone may hold the body, which rests elsewhere now.
     drift = moved_since(moved, earlier.statement)
-    begun, before = end.begins_on(moved.boundary, task.start.data, moved.law, drift, start=begun)
-    change = _seen_otherwise(earlier.boundary, moved.boundary, before.displacement)
-    if change is None or begun.multipliers is None:
-        return begun, before
-    tangents = moved.boundary.tangents
-    data = replace(begun.data, slip_origin=begun.data.slip_origin + np.einsum("nij,ni->nj", tangents, change))
-    across = np.zeros((moved.boundary.size, tangents.shape[1], tangents.shape[1]))
-    for number, pair in moved.pairs.items():
-        across[moved.boundary.part == number] = pair.across
-    if not parallel.any_rank(moved.boundary.comm, bool(across.any())):
-        return replace(begun, data=data), before
-
-    def without_across(vectors: Nodal | None) -> Any:  # of shears along the tangents, or in 3D
-        if vectors is None:
-            return None
-        inner = across if vectors.shape[1] == across.shape[1] else tangents.swapaxes(1, 2) @ across @ tangents
-        return vectors - np.einsum("nij,nj->ni", inner, vectors)
-
-    pressure, shear = begun.multipliers
-    begun = replace(
-        begun,
-        data=replace(data, mu_hat=without_across(data.mu_hat)),
-        multipliers=(pressure, without_across(shear)),
-        elastic_slip=without_across(begun.elastic_slip),
+    begun, last = end.begins_on(now, task.start.data, moved.law, drift, task.rest, spin)
+    if not (before.paired and now.paired):
+        return begun, last
+    # With these planes the relative displacement at the points is another one for the same displacement.
+    y = last.displacement.x.array.reshape(-1, now.x.shape[1])[: moved.space.dofmap.index_map.size_local]
+    seen, sees = (
+        (averages.operator @ from_owners(y, averages.nodes, now.comm).ravel()).reshape(now.x.shape)
+        for averages in (before.averages, now.averages)
     )
-    tractions = replace(before.tractions, shear=without_across(before.tractions.shear))
-    return begun, replace(before, tractions=tractions, elastic_slip=without_across(before.elastic_slip))
-
-
-def _seen_otherwise(earlier: ContactBoundary, now: ContactBoundary, displacement: fem.Function) -> Nodal | None:
-    """What the relative displacement at the points of two bodies is now more than it was for the same displacement,
-    shape (n, d): a support that holds from now on, or does no longer, changes across which planes of symmetry there is
-    none; None: points see what they have seen; collective.
-    """
-    if not (earlier.paired and now.paired):
-        return None
-    space = displacement.function_space
-    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
-    y = displacement.x.array.reshape(-1, dim)[:owned]
-    seen = [
-        (averages.operator @ from_owners(y, averages.nodes, now.comm).ravel()).reshape(-1, dim)
-        for averages in (earlier.averages, now.averages)
-    ]
-    return np.asarray(seen[1] - seen[0])
+    origin = begun.data.slip_origin + np.einsum("nij,ni->nj", now.tangents, sees - seen)
+    return replace(begun, data=replace(begun.data, slip_origin=origin)), last
