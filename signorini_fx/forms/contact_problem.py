@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from dolfinx import fem
 from dolfinx.mesh import MeshTags
@@ -33,20 +33,11 @@ if TYPE_CHECKING:
     from signorini_fx.solving.load_steps import StepProgress
 
 
-class _Ended(Protocol):
-    """What knows how the last solve has ended."""
-
-    @property
-    def status(self) -> Status | None: ...
-    @property
-    def certificate(self) -> Certificate | None: ...
-
-
 class ProblemOfForms:
     """A problem with the results of a ``Solution``."""
 
     assembled: FormSolver
-    _ended: _Ended
+    _ended: Any  # what knows how the last solve has ended
 
     def __repr__(self) -> str:
         dofmap = self.assembled.space.dofmap
@@ -282,7 +273,7 @@ class ContactProblem(ProblemOfForms):
         from signorini_fx.mechanics.contact_points.contact_table import contact_table
 
         stress, solver = self.stress, self.assembled
-        if solver.forms.weighted:
+        if solver.forms.measures:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
             raise FormError([("stress", wrong)])
         table, squares = contact_table(self.state, solver.forms.names), stress.recovery.squares(self.u)

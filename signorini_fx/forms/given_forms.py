@@ -4,7 +4,7 @@ knows by name: parts of its boundary, and its contact as the entries of a scene.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,6 @@ from pydantic import BaseModel
 
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.stress import Law, law_of
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
     from signorini_fx.mechanics.statement.statement import Statement
 
 Facets = npt.NDArray[np.int32]
+Law = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
@@ -74,19 +74,14 @@ class GivenForms:
         return self.space.mesh
 
     @property
-    def touching(self) -> list[Facets]:
-        """The facets that are in contact, of pairs on both sides."""
-        return [*self.facets, *self.masters.values()]
-
-    @property
     def names(self) -> list[str]:
         """Those of the contacts by their numbers."""
         return [f"contact {number}" for number in range(len(self.facets))]
 
     @property
-    def weighted(self) -> bool:
-        """Whether some contact is multiplied by a measure, which estimates of errors do not know."""
-        return any(getattr(contact, "measure", None) is not None for contact in self.contact)
+    def measures(self) -> set[Any]:
+        """What contacts are multiplied by, which estimates of errors do not know."""
+        return {getattr(contact, "measure", None) for contact in self.contact} - {None}
 
     @property
     def has_coulomb(self) -> bool:
@@ -125,31 +120,10 @@ def given_forms(
     return forms, solution
 
 
-def names_of(forms: GivenForms) -> tuple[list[str], dict[int, str]]:
-    """The name of each contact, and of the other side of each pair by its number: that of the part of the boundary with
-    the same facets, or its number; collective.
-    """
-
-    def name(part: Facets, otherwise: str) -> str:
-        equal = (
-            candidate
-            for candidate, named in forms.boundaries.items()
-            if not parallel.any_rank(forms.mesh.comm, not np.array_equal(named, part))
-        )
-        return next(equal, otherwise)
-
-    names = [name(part, otherwise) for part, otherwise in zip(forms.facets, forms.names, strict=True)]
-    return names, {k: name(part, f"other side of contact {k}") for k, part in forms.masters.items()}
-
-
 def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Facets]) -> TaggedMesh:
     """A mesh with these names, of which a facet may have several."""
     facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *boundaries.values()]))
-    held = (
-        np.array([np.isin(facets, part) for part in boundaries.values()], dtype=bool)
-        .reshape(len(boundaries), facets.size)
-        .T
-    )
+    held = np.column_stack([np.empty((facets.size, 0), bool), *(np.isin(facets, part) for part in boundaries.values())])
     kinds, tag = np.unique(held, axis=0, return_inverse=True)
     tags = {name: tuple(int(k) + 1 for k in np.flatnonzero(kinds[:, number])) for number, name in enumerate(boundaries)}
     values = (tag.ravel() + 1).astype(np.int32)
@@ -173,42 +147,24 @@ def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> C
     return partial(kind.model_construct, **described)()
 
 
-@dataclass(frozen=True)
-class NamedParts:
-    """What is known of forms by name, whatever their Constants are: contact, load steps and settings, and the mesh with
-    the names of its boundaries.
-    """
+def named_parts(
+    forms: GivenForms, settings: SolverSettings, arguments: Sequence[str] = ()
+) -> tuple[Statement, TaggedMesh]:
+    """What is known of forms by name, whatever their Constants are: contact and settings, with a single load step, and
+    the mesh with the names of its boundaries; ``arguments``: what they were stated by, else the forms; collective.
 
-    statement: Statement
-    tagged: TaggedMesh
-
-    def along(self, path: LoadPath, title: str) -> NamedParts:
-        """The same with load steps, and with a title of results."""
-        steps = LoadSteps(times=path.times, names=path.names or None, steps=path.steps) if path.several else LoadSteps()
-        count = len(steps.times or (1.0,))
-        return replace(self, statement=replace(self.statement, title=title, load_steps=steps, steps=count))
-
-    def model(
-        self, elastic: ElasticBody, law: PointFriction | None, pairs: Mapping[int, PairedSides], rigid: RigidBodies
-    ) -> Model:
-        """An elastic body of these forms."""
-        return Model(
-            **{field.name: getattr(elastic, field.name) for field in fields(elastic)},
-            statement=replace(self.statement, solver=elastic.settings),
-            tagged=self.tagged,
-            law=law,
-            pairs=pairs,
-            rigid=rigid,
-        )
-
-
-def named_parts(forms: GivenForms, settings: SolverSettings, arguments: Sequence[str] = ()) -> NamedParts:
-    """What is known of forms by name, with a single load step; ``arguments``: what they were stated by, else the forms;
-    collective.
+    A contact, or the other side of a pair, has the name of the part of the boundary with the same facets, or a number.
     """
     from signorini_fx.mechanics.statement.statement import Statement
 
-    names, opposite = names_of(forms)
+    def name(part: Facets, otherwise: str) -> str:
+        for known, facets in forms.boundaries.items():
+            if not parallel.any_rank(forms.mesh.comm, not np.array_equal(facets, part)):
+                return known
+        return otherwise
+
+    names = [name(part, otherwise) for part, otherwise in zip(forms.facets, forms.names, strict=True)]
+    opposite = {k: name(part, f"other side of contact {k}") for k, part in forms.masters.items()}
     parts = {**forms.boundaries, **dict(zip(names, forms.facets, strict=True))}
     parts |= {name: forms.masters[k] for k, name in opposite.items()}
     entries = zip(forms.contact, names, strict=True)
@@ -225,7 +181,25 @@ def named_parts(forms: GivenForms, settings: SolverSettings, arguments: Sequence
         solver=settings,
         origin={"forms": tuple(arguments or listed), "mesh": tagged},
     )
-    return NamedParts(statement, tagged)
+    return statement, tagged
+
+
+def model_of(
+    elastic: ElasticBody,
+    named: tuple[Statement, TaggedMesh],
+    path: LoadPath,
+    title: str,
+    law: PointFriction | None,
+    pairs: Mapping[int, PairedSides],
+    rigid: RigidBodies,
+) -> Model:
+    """An elastic body of forms that are known by name, with load steps, and with a title of results."""
+    statement, tagged = named
+    steps = LoadSteps(times=path.times, names=path.names or None, steps=path.steps) if path.several else LoadSteps()
+    count, settings = len(steps.times or (1.0,)), elastic.settings
+    statement = replace(statement, title=title, load_steps=steps, steps=count, solver=settings)
+    body = {field.name: getattr(elastic, field.name) for field in fields(elastic)}
+    return Model(**body, statement=statement, tagged=tagged, law=law, pairs=pairs, rigid=rigid)
 
 
 _NOT_A_SETTING = "is no setting of a contact problem"
@@ -237,6 +211,15 @@ _NOT_HERE = {
     "kind": "is not used: the kind of the matrix is chosen, see linear_algebra",
     "entity_maps": "is not possible yet: all arguments are on one mesh",
 }
+
+
+def law_of(stress: Any, u: fem.Function) -> Law | None:
+    """What ``ContactProblem`` is given, as a function of the displacement."""
+    if stress is not None and is_section(u.function_space.mesh):
+        raise FormError([("stress", "stresses and their estimates are not possible yet on a plane mesh in 3D")])
+    if stress is None or (callable(stress) and not hasattr(stress, "ufl_shape")):
+        return stress
+    return lambda y: ufl.replace(stress, {u: y, **dict.fromkeys(ufl.algorithms.extract_arguments(stress), y)})
 
 
 def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
@@ -338,13 +321,7 @@ def foundations_of(contact: Any) -> tuple[Foundation | Pair, ...]:
 
 def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[list[Facets], dict[int, Facets]]:
     """The exterior facets of each contact that this rank owns, ascending, and those of the masters of pairs by the
-    number of the contact; collective.
-
-    A facet may be given on any rank that has it.
-
-    Raises:
-        FormError: with all errors: facets that do not exist, are not exterior, or are those of points of one contact
-            and occur in another one; those of masters may be shared.  Or a section has a pair.
+    number of the contact, each given on any rank that has it; collective.
     """
     pairs = [k for k, entry in enumerate(contact) if entry.against is not None]
     if is_section(mesh) and pairs:
@@ -353,9 +330,8 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     dim = mesh.topology.dim - 1
     mesh.topology.create_connectivity(dim, dim + 1)
     facet_map = mesh.topology.index_map(dim)
-    exterior = np.zeros(facet_map.size_local + facet_map.num_ghosts, dtype=bool)
+    owned, exterior = slice(facet_map.size_local), np.zeros(facet_map.size_local, dtype=bool)
     exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
-    owned = slice(facet_map.size_local)
     listed = [(f"contact[{k}].facets", entry.facets) for k, entry in enumerate(contact)]
     listed += [(f"contact[{k}].against", contact[k].against) for k in pairs]
     problems, marks = [], []
@@ -363,7 +339,7 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
         mark = la.vector(facet_map, 1, dtype=np.int32)
         marks.append(mark)
         try:
-            local = _listed(selection, mesh, dim, exterior.size)
+            local = _listed(selection, mesh, dim, facet_map.size_local + facet_map.num_ghosts)
         except (ValueError, TypeError) as error:
             problems.append((name, str(error)))
             continue
@@ -374,7 +350,7 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     for k, mark in enumerate(marks):
         mark.scatter_reverse(la.InsertMode.add)
         marked = mark.array[owned] > 0
-        counts.append([marked.sum(), (marked & ~exterior[owned]).sum(), (marked & taken).sum()])
+        counts.append([marked.sum(), (marked & ~exterior).sum(), (marked & taken).sum()])
         if k < len(contact):  # facets of a master may be those of several
             taken |= marked
     totals = parallel.global_sum(mesh.comm, np.array(counts))
@@ -393,14 +369,8 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
 
 
 def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
-    """The cells of each material, local numbers, ghosts included; collective.
-
-    Args:
-        materials: tags on the cells; None: there is one material.
-        mesh: of the body.
-
-    Raises:
-        FormError: these are no tags on all cells of the mesh.
+    """The cells of each material, local numbers, ghosts included, from tags on all of them; None: there is one
+    material; collective.
     """
     dim, error = mesh.topology.dim, None
     cells = mesh.topology.index_map(dim)

@@ -63,7 +63,7 @@ class MeshedForms(MeshedProblem):
     @property
     def estimable(self) -> bool:
         """Whether errors can be estimated."""
-        return self.solver.forms.stress is not None and not self.solver.forms.weighted
+        return self.solver.forms.stress is not None and not self.solver.forms.measures
 
     @property
     def augmentable(self) -> bool:

@@ -23,9 +23,8 @@ from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
-from signorini_fx.forms.given_forms import GivenForms, NamedParts, conditions_of, named_parts
-from signorini_fx.forms.mechanics_of_forms import FormBody
-from signorini_fx.forms.stress import modulus_of_energy, natural_modulus
+from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts
+from signorini_fx.forms.mechanics_of_forms import FormBody, natural_modulus
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
@@ -34,7 +33,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.loads.supports import prescribed
-from signorini_fx.mechanics.mesh.tagged import diameter_of
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, diameter_of
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations, ShapeDistances
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
@@ -127,7 +126,7 @@ class FormSolver:
         self._last: StepEnd | None = None  # at the last advance
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._state: ContactState | None = None
-        self._parts: NamedParts | None = None  # once they are asked for
+        self._named: tuple[Any, TaggedMesh] | None = None  # once it is asked for, see ``named_parts``
 
     @property
     def contact(self) -> tuple[Foundation | Pair, ...]:
@@ -286,16 +285,10 @@ class FormSolver:
 
     def _natural_modulus(self) -> float | None:
         """Of the stress of the forms, or of ``a``: anew when coefficients of ``a`` change; collective."""
-        law, forms = self.forms.stress, self.forms
-        fingerprint = digest(self.forms.compiled[0])
+        forms, fingerprint = self.forms, digest(self.forms.compiled[0])
         last, modulus = self._last_modulus
         if parallel.any_rank(self.space.mesh.comm, fingerprint != last):
-            if law is None or forms.weighted:
-                measures = {getattr(contact, "measure", None) for contact in forms.contact} - {None}
-                alone = len(measures) < 2  # of several none is known to be that of the energy
-                modulus = modulus_of_energy(forms.original[0], self.space, *measures) if alone else None
-            else:
-                modulus = natural_modulus(law, self.space)
+            modulus = natural_modulus(forms.stress, forms.original[0], forms.measures, self.space)
             self._last_modulus = fingerprint, modulus
         return modulus
 
@@ -351,11 +344,10 @@ class FormSolver:
         """The body as the forms are now, with what is known of it by name; without a path the load steps are those of a
         loop of the user's own so far; collective.
         """
-        if self._parts is None:
-            self._parts = named_parts(self.forms, self.settings)
-        parts = self._parts.along(counted_path(self.begun.step) if path is None else path, title)
-        model = parts.model(self.elastic, self.begun.law, self.foundations.pairs, self.rigid)
-        model = replace(model, data=self.unshifted)
+        if self._named is None:
+            self._named = named_parts(self.forms, self.settings)
+        path, contact = path or counted_path(self.begun.step), (self.begun.law, self.foundations.pairs, self.rigid)
+        model = replace(model_of(self.elastic, self._named, path, title, *contact), data=self.unshifted)
         return FormBody.of(model, user_forms=self.forms, prescribed_dofs=self.prescribed, form_scales=self.scales)
 
     def law_now(self) -> PointFriction | None:

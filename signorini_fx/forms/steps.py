@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
-import numpy as np
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.solver import FormSolver, StepBeginning, options_applied
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -58,10 +56,6 @@ class FormSteps(SteppedBody):
         solver.begun = start
         return BegunStep(replace(self, model=solver.model(self.path)), solver.task, start, solver.previous_step)
 
-    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
-        """The system has those of the time of the place."""
-        return np.ones(1)
-
     def show(self, outcome: Outcome, result: StepResult) -> None:
         self.solver.show(outcome, result)
 
@@ -106,8 +100,8 @@ def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgres
     # Of a load step that has failed the forms are not those of the results, which are of one before it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
     body = replace(solver.model(path, title), settled=settled)
-    findings = findings_of_steps(body, steps, [], solver.foundations.placed_shapes)
-    return contact_solution(body, steps, solver.task, ended, solver.timings, lambda: tuple(findings))
+    found = partial(findings_of_steps, body, steps, [], solver.foundations.placed_shapes)
+    return contact_solution(body, steps, solver.task, ended, solver.timings, found)
 
 
 def begun_path(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -49,6 +49,7 @@ class Checkpoint:
 
     Attributes:
         path: where the load steps are.
+        level: number of the mesh that load steps are of.
         found: how many complete load steps there are to go on from.
 
     Raises:
@@ -59,7 +60,7 @@ class Checkpoint:
     def __init__(
         self, comm: MPI.Comm, folder: str | Path, scene: BaseModel | Mapping[str, Any], *, restart: bool
     ) -> None:
-        self.path = Path(folder) / CHECKPOINT
+        self.path, self.level = Path(folder) / CHECKPOINT, 0
         self._comm = comm
         self._scene = scene
         self._complete: dict[tuple[int, int], Figures] = {}
@@ -70,22 +71,20 @@ class Checkpoint:
             self._begun = bool(self._complete)
         self.found = len(self._complete)
 
-    def figures(self, level: int, step: int) -> Figures | None:
-        """The figures of a load step, numbered from 0, on a mesh; None if it is not there, and then neither are later
-        ones.
-        """
-        figures = self._complete.get((level, step))
+    def figures(self, step: int) -> Figures | None:
+        """The figures of a load step, numbered from 0; None if it is not there, and then neither are later ones."""
+        figures = self._complete.get((self.level, step))
         if figures is None:
-            self.forget(level, step)
+            self.forget(step)
         return figures
 
     def read(
-        self, level: int, step: int, space: fem.FunctionSpace, boundary: ContactBoundary, size: float
+        self, step: int, space: fem.FunctionSpace, boundary: ContactBoundary, size: float
     ) -> tuple[fem.Function, dict[str, Nodal]] | None:
         """The displacement of a load step, and the values at the contact nodes of this rank, as they were written; None
         if they cannot be read, or belong to other nodes.  The mesh may be distributed in another way.
         """
-        folder = self._folder(level, step)
+        folder = self._folder(self.level, step)
         displacement = fem.Function(space, name="displacement")
         contact_values: dict[str, Nodal] | None = None
         try:
@@ -99,18 +98,18 @@ class Checkpoint:
             return None
         return displacement, contact_values
 
-    def read_beside(self, level: int, step: int, space: fem.FunctionSpace, name: str) -> fem.Function | None:
-        """A further displacement of a load step by its name; None: it cannot be read."""
-        function, failed = fem.Function(space), False
+    def beside(self, step: int, space: fem.FunctionSpace, names: Sequence[str]) -> list[fem.Function] | None:
+        """Further displacements of a load step by their names; None: they cannot be read."""
+        functions, failed = [fem.Function(space) for _ in names], False
         try:
-            _read_field(self._folder(level, step) / f"{name}.npy", function)
+            for name, function in zip(names, functions, strict=True):
+                _read_field(self._folder(self.level, step) / f"{name}.npy", function)
         except (OSError, ValueError, EOFError):
             failed = True
-        return None if parallel.any_rank(self._comm, failed) else function
+        return None if parallel.any_rank(self._comm, failed) else functions
 
     def write(
         self,
-        level: int,
         step: int,
         displacement: fem.Function,
         boundary: ContactBoundary,
@@ -143,7 +142,7 @@ class Checkpoint:
                 with (part / _NODES).open("wb") as file:
                     np.savez(file, **named)
                 (part / _FIGURES).write_text(json.dumps(figures), encoding="utf-8")
-                target = self._folder(level, step)
+                target = self._folder(self.level, step)
                 shutil.rmtree(target, ignore_errors=True)
                 stored = [f"{CHECKPOINT}/{target.name}/{name}" for name in manifest.files(part)]
                 manifest.add(self.path.parent, stored)
@@ -183,9 +182,9 @@ class Checkpoint:
         parallel.on_root(self._comm, make)
         self._begun = True
 
-    def forget(self, level: int, step: int) -> None:
+    def forget(self, step: int) -> None:
         """Remove a load step and all later ones: they continue from another state."""
-        later = [key for key in self._complete if key >= (level, step)]
+        later = [key for key in self._complete if key >= (self.level, step)]
         for key in later:
             del self._complete[key]
 

@@ -193,7 +193,7 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
     petsc_options.refuse_exchanged()
     if scene.statement.nonlinear:
         model, compared = _nonlinear(scene, comm), False
-        findings = nonlinear_findings(model.statement, model)
+        findings = [*nonlinear_findings(model.statement, model)]
     else:
         coarser = coarser_scenes(scene, scene.solver.levels)
         for coarse in coarser:

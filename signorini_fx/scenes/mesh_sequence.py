@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 from math import log2
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,6 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.mesh.refinement import moved_back, size_fields
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, load_file
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
@@ -106,28 +105,24 @@ class MeshedScene(MeshedProblem):
 
     def remade(self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float) -> tuple[Self, int]:
         assert self.plan is not None
-        dim, first = last.dimension, with_cells_alike(self.plan.scene)
-
-        def with_lengths(mesh: Any, field: SizeField) -> TaggedMesh:
-            """The cells of a table ``mesh``, of these lengths."""
-            if isinstance(mesh, MeshGenerator):
-                return generate_mesh(mesh.generator, mesh.parameters, self.comm, field)
-            return load_file(mesh, self.comm, 0, 2 if self.scene.element.degree == 2 else None, field)
-
+        dim, first, made = last.dimension, with_cells_alike(self.plan.scene), list[TaggedMesh]()
+        parts = [last.cells(body.name) for body in first.body] or [np.arange(len(lengths), dtype=np.int32)]
+        for number, of_part in enumerate(size_fields(last, lengths, parts, finer)):
+            table, field = first.mesh, of_part
+            if first.body:
+                body, table = first.body[number], first.body[number].mesh
+                pivot, shift = (np.array(vector or (0.0,) * dim) for vector in (body.pivot, body.shift))
+                turned = np.eye(dim) if body.rotation is None else turning(body.rotation, dim)
+                field = moved_back(of_part, turned, pivot, shift)
+            if isinstance(table, MeshGenerator):
+                made.append(generate_mesh(table.generator, table.parameters, self.comm, field))
+            else:
+                made.append(load_file(table, self.comm, 0, 2 if self.scene.element.degree == 2 else None, field))
+        count = sum(tagged.mesh.topology.index_map(dim).size_global for tagged in made)
         if not first.body:
-            (field,) = size_fields(last, lengths, [np.arange(len(lengths), dtype=np.int32)], finer)
-            tagged = with_lengths(first.mesh, field)
-            return self.on(tagged), tagged.mesh.topology.index_map(dim).size_global
-        bodies, count = [], 0
-        fields = size_fields(last, lengths, [last.cells(body.name) for body in first.body], finer)
-        for body, of_body in zip(first.body, fields, strict=True):
-            pivot, shift = (np.array(vector or (0.0,) * dim) for vector in (body.pivot, body.shift))
-            turned = np.eye(dim) if body.rotation is None else turning(body.rotation, dim)
-            field = moved_back(of_body, turned, pivot, shift)
-            tagged = with_lengths(body.mesh, field)
-            count += tagged.mesh.topology.index_map(dim).size_global
-            bodies.append(body.model_copy(update={"mesh": tagged}))
-        return replace(self, scene=self.scene.model_copy(update={"body": tuple(bodies)})), count
+            return self.on(made[0]), count
+        bodies = tuple(body.model_copy(update={"mesh": tagged}) for body, tagged in zip(first.body, made, strict=True))
+        return replace(self, scene=self.scene.model_copy(update={"body": bodies})), count
 
 
 def _errors_of_nonlinear(solution: Solution) -> list[Errors]:

@@ -170,7 +170,7 @@ class ProblemOfScene(NonlinearContactProblem):
         body |= {"statement": self.statement, "tagged": self.model.tagged}
         states = StatesOnPath(NonlinearForces(self.statement, self.model.tagged, self.model.space))
         known = nonlinear_findings(self.statement, self.model)
-        apart = [] if failures else untouched(self.model.comm, solution.steps)
+        apart = () if failures else untouched(self.model.comm, solution.steps)
         findings = (*failures, *known, *self.findings, *apart)
         named = tuple(map(self._named, solution.steps))
         model = BodyOfScene(**body, states=states)

@@ -24,7 +24,6 @@ from signorini_fx.scenes.reading import as_scene, changed, parse_scene
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.scenes.solver import refuse_other_than_comm, solve
 from signorini_fx.solving.findings import refuse_beforehand
-from signorini_fx.solving.load_steps import first_start
 from signorini_fx.solving.solve_on_mesh import contact_task, solve_contact, solve_mesh
 from signorini_fx.tuned import ZERO_IN_SOLUTION
 
@@ -93,9 +92,7 @@ def _solved(scene: Scene, comm: MPI.Comm, last: tuple[Scene, Solution, Task] | N
     model = with_gap_and_friction(earlier.model, statement)
     refuse_beforehand(model)
     task = contact_task(model, history, choose=lambda *_: (solved.system, solved.linear_algebra))
-    assert model.boundary is not None
-    start = first_start(task.start, model.boundary, earlier.contact)
-    solution, task, _ = solve_contact(model, task, start, Timings())
+    solution, task, _ = solve_contact(model, task, earlier.contact, Timings())
     return solution, task
 
 

@@ -6,8 +6,8 @@ are evaluated again on restart, and a step whose certificate does not hold is so
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,34 +28,8 @@ from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Checkpoint, Figures
 
 
-@dataclass(frozen=True)
-class MeshCheckpoint:
-    """The checkpoint of a run on one of its meshes; all methods are collective.
-
-    Attributes:
-        checkpoint: of the run.
-        level: number of the mesh.
-    """
-
-    checkpoint: Checkpoint
-    level: int = 0
-
-    def on(self, level: int) -> MeshCheckpoint:
-        """The same on another mesh."""
-        return replace(self, level=level)
-
-    def figures(self, step: int) -> Figures | None:
-        """The plain data of a load step of an earlier run, numbered from 0; None: it is not there."""
-        return self.checkpoint.figures(self.level, step) if self.checkpoint.found else None
-
-    def beside(self, step: int, space: fem.FunctionSpace, names: Sequence[str]) -> list[fem.Function] | None:
-        """Further displacements of a load step, numbered from 0, by their names; None: they cannot be read."""
-        functions = [self.checkpoint.read_beside(self.level, step, space, name) for name in names]
-        return None if any(function is None for function in functions) else [f for f in functions if f is not None]
-
-    def forget(self, step: int) -> None:
-        """Remove a load step, from 0, that turned out to be no solution, and all later ones."""
-        self.checkpoint.forget(self.level, step)
+class MeshCheckpoint(Checkpoint):
+    """The checkpoint of a run on one of its meshes; all methods are collective."""
 
     @staticmethod
     def recall_history(figures: Figures, history: History, timings: Timings) -> None:
@@ -110,15 +84,15 @@ class MeshCheckpoint:
         }
         if boundary.moving is not None:
             figures["tools"] = body.driven(outcome.displacement(), task.rest).tolist()
-        self.checkpoint.write(self.level, start.step, result.displacement, boundary, nodal, figures, beside)
+        self.write(start.step, result.displacement, boundary, nodal, figures, beside)
 
     def recall(self, body: ElasticBody, size: float, task: Task, start: Start) -> Outcome | None:
         """How a load step ended, with its iterate in place; None if it does not fit."""
-        figures = self.checkpoint.figures(self.level, start.step)
+        figures = self.figures(start.step)
         if figures is None:
             return None
         boundary = body.boundary or no_points(body.space)
-        stored = self.checkpoint.read(self.level, start.step, body.space, boundary, size)
+        stored = self.read(start.step, body.space, boundary, size)
         if stored is None:
             self.forget(start.step)
             return None
@@ -172,13 +146,13 @@ def open_checkpoint(
     """The checkpoint of a run on its first mesh, and in its history what there is to go on from; arguments as of
     ``Checkpoint``; collective.
     """
-    stored = Checkpoint(comm, folder, scene, restart=restart)
+    stored = MeshCheckpoint(comm, folder, scene, restart=restart)
     if restart:
         steps = "1 complete load step" if stored.found == 1 else f"{stored.found} complete load steps"
         history.add(f"restart: {steps} in {stored.path}")
     elif parallel.on_root(comm, stored.path.is_dir):
         history.add(f"restart: not asked for: {stored.path} of a run that has not ended is replaced")
-    return MeshCheckpoint(stored)
+    return stored
 
 
 def _in_space(vectors: Nodal, tangents: Nodal) -> Nodal:

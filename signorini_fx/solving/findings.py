@@ -5,6 +5,7 @@ At the end are the refusals that follow from several entries; ``prepare`` refuse
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
@@ -28,53 +29,52 @@ from signorini_fx.results.contact_figures import load_on
 from signorini_fx.tuned import FAR_GAP, NO_FORCE, ROOT_OF_EPS
 
 
-def scene_findings(body: Model) -> list[Finding]:
+def scene_findings(body: Model) -> Iterator[Finding]:
     """Findings about the scene and its mesh; collective, the same on every rank."""
     statement, data = body.statement, body.data
     prescribed, force = _largest_loads(body)
-    findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
-    findings += [
-        *_pieces(body),
-        *_locking(body, reduced=body.elastic.reduced is not None or statement.element.degree > 1),
-        *_idle(body),
-        *equilibrium(body),
-        *_units(body, prescribed, force),
-    ]
+    yield from _incomplete(statement)
+    yield from _pieces(body)
+    yield from _locking(body, reduced=body.elastic.reduced is not None or statement.element.degree > 1)
+    yield from _idle(body)
+    yield from equilibrium(body)
+    yield from _units(body, prescribed, force)
     if body.boundary is not None and data is not None:
-        findings += [
-            *_gaps(body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0)),
-            *_inwards(body),
-        ]
-    return findings
+        yield from _gaps(body, data, FAR_GAP * prescribed + (body.tagged.size if force > 0 else 0.0))
+        yield from _inwards(body)
 
 
-def nonlinear_findings(statement: Statement, body: Model) -> list[Finding]:
+def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
     """Findings about a scene with nonlinear materials and its mesh; collective, the same on every rank; ``body``: the
     linear one that it is at small strains.
     """
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
-    findings = [Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete]
+    yield from _incomplete(statement)
     for number, contact in enumerate(statement.contact):
         if statement.finite_strains and contact.foundation is None and contact.against is None:
             text = "gap and direction are those of the undeformed boundary: a foundation is met anywhere"
-            findings.append(Finding("note", f"contact[{number}]", text))
-    findings += _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
-    return [*findings, *_idle(body)]
+            yield Finding("note", f"contact[{number}]", text)
+    yield from _locking(body, reduced=volume_degree(statement, body.tagged) is not None)
+    yield from _idle(body)
 
 
-def _locking(body: Model, *, reduced: bool) -> list[Finding]:
+def _incomplete(statement: Statement) -> Iterator[Finding]:
+    yield from (Finding("warning", "incomplete", f"not in the scene: {lost}") for lost in statement.incomplete)
+
+
+def _locking(body: Model, *, reduced: bool) -> Iterator[Finding]:
     simplices = body.tagged.mesh.topology.cell_name() in ("triangle", "tetrahedron")
     other = "quadrilaterals or hexahedra, or degree 2, with "
     cure = f"take {other if simplices else ''}element.volumetric = 'auto'"
     message = f"it is nearly incompressible, and its cells lock: the body comes out too stiff; {cure}"
-    materials = () if reduced else enumerate(body.statement.material)
-    return [Finding("warning", f"material[{index}]", message) for index, material in materials if material.locks]
+    for index, material in enumerate(body.statement.material):
+        if material.locks and not reduced:
+            yield Finding("warning", f"material[{index}]", message)
 
 
-def _idle(body: Model) -> list[Finding]:
+def _idle(body: Model) -> Iterator[Finding]:
     """Loads and resistances that are expressions of the position and vanish wherever they may act."""
-    findings = []
     for path, effect in body.statement.listed():
         values = [value for value in effect.given.values() if not is_zero(value)]
         on_boundary = effect.where is not None and isinstance(effect, Force | Resistance)
@@ -88,37 +88,35 @@ def _idle(body: Model) -> list[Finding]:
                 f"it is 0 on the whole boundary {effect.where!r}, at all nodes and middles of facets: check its "
                 "expression and the unit of lengths"
             )
-            findings.append(Finding("warning", path, message))
-    return findings
+            yield Finding("warning", path, message)
 
 
-def _pieces(body: Model) -> list[Finding]:
+def _pieces(body: Model) -> Iterator[Finding]:
     """A body in several pieces: each of them must be held."""
     pieces = body.motions.pieces
     if pieces.count == 1:
-        return []
+        return
     listed = "; ".join(pieces.called(piece) for piece in range(min(pieces.count, MOST_LISTED)))
     suffix = f"; and {pieces.count - MOST_LISTED} more" if pieces.count > MOST_LISTED else ""
-    if any(effect.against is not None for effect in body.statement.contact):
-        return [Finding("note", "mesh", f"there are {pieces.count} bodies: {listed}{suffix}")]
     message = (
         f"the mesh of the body is in {pieces.count} pieces that share no side, so that each piece must be held: "
         f"{listed}{suffix}; if one body is meant, let the cells share their nodes (in gmsh: fragment)"
     )
-    return [Finding("note", "mesh", message)]
+    if any(effect.against is not None for effect in body.statement.contact):
+        message = f"there are {pieces.count} bodies: {listed}{suffix}"
+    yield Finding("note", "mesh", message)
 
 
 # --- gaps and displacements ------------------------------------------------------------------------------------------
 
 
-def _gaps(body: Model, data: RegularisedData, reach: float) -> list[Finding]:
+def _gaps(body: Model, data: RegularisedData, reach: float) -> Iterator[Finding]:
     """Gaps that are negative, or wider than ``reach``, by which displacements and loads may move the body, length."""
     boundary = body.boundary
     assert boundary is not None
     comm, size = boundary.comm, body.tagged.size
     unilateral = ~data.bilateral
     smallest = -parallel.largest(comm, -data.gap, -np.inf)
-    findings = []
     moves = any(effect.moves or effect.gap_timed for effect in body.statement.contact)
     if smallest < -NO_FORCE * size and not moves:
         level: Literal["warning", "note"] = "warning" if -smallest > 0.01 * size else "note"
@@ -126,22 +124,18 @@ def _gaps(body: Model, data: RegularisedData, reach: float) -> list[Finding]:
         if any(effect.against is not None for effect in body.statement.contact):
             overlap = "a body penetrates another one, or its foundation,"
         message = f"the gap is negative, down to {smallest:g}: {overlap} before it is loaded"
-        findings.append(Finding(level, "contact.gap", message))
+        yield Finding(level, "contact.gap", message)
     two_sided = parallel.any_rank(comm, not unilateral.all())
-    if body.motions.free.shape[1] > 0 or two_sided or moves:
-        return findings
-    if smallest > reach > 0:
+    if smallest > reach > 0 and not (body.motions.free.shape[1] > 0 or two_sided or moves):
         message = (
             f"the smallest gap is {smallest:g}, farther than prescribed displacements and loads can move the body: "
             "contact is unlikely to close; check the gap and the units"
         )
-        findings.append(Finding("warning", "contact.gap", message))
-    return findings
+        yield Finding("warning", "contact.gap", message)
 
 
-def _inwards(body: Model) -> list[Finding]:
+def _inwards(body: Model) -> Iterator[Finding]:
     """Directions that lead into the body, and planes that face away from it: signs that are the wrong way round."""
-    findings = []
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     for index, effect in enumerate(body.statement.contact):
         if effect.direction is None and effect.surface is None:
@@ -154,7 +148,7 @@ def _inwards(body: Model) -> list[Finding]:
             facing = np.any(np.einsum("id,id->i", (middles - cells)[:, :dim], normals) < 0)
             if not parallel.any_rank(body.comm, bool(facing)):
                 message = "no facet faces it: take the boundary that does, or turn its normals towards the body"
-                findings.append(Finding("warning", f"contact[{index}].foundation", message))
+                yield Finding("warning", f"contact[{index}].foundation", message)
             continue
         outwards = (middles - cells)[:, :dim] @ np.array(effect.direction)
         inwards, total = parallel.global_sum(body.comm, np.array([np.count_nonzero(outwards < 0), outwards.size]))
@@ -164,11 +158,10 @@ def _inwards(body: Model) -> list[Finding]:
                 f"leads into the body on {inwards:.0f} of {total:.0f} facets: it is the direction from the body to the "
                 f"foundation; direction = [{turned}] is the opposite"
             )
-            findings.append(Finding("warning", f"contact[{index}].direction", message))
-    return findings
+            yield Finding("warning", f"contact[{index}].direction", message)
 
 
-def _units(body: Model, prescribed: float, force: float) -> list[Finding]:
+def _units(body: Model, prescribed: float, force: float) -> Iterator[Finding]:
     """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent;
     ``prescribed``: the largest prescribed displacement, length; ``force``: the largest sum of the nodal loads.
     """
@@ -184,14 +177,13 @@ def _units(body: Model, prescribed: float, force: float) -> list[Finding]:
             f"loads and prescribed displacements strain the body by about {least:.1g}: the deformation is not small; "
             "check the units of E and of the loads"
         )
-        return [Finding("warning", path, message)]
-    if 0 < most < ROOT_OF_EPS:
+        yield Finding("warning", path, message)
+    elif 0 < most < ROOT_OF_EPS:
         message = (
             f"loads and prescribed displacements strain the body by about {most:.1g} only: are E and the loads in the "
             "same units, such as MPa?"
         )
-        return [Finding("note", path, message)]
-    return []
+        yield Finding("note", path, message)
 
 
 def _largest_loads(body: Model) -> tuple[float, float]:
@@ -210,24 +202,22 @@ def _largest_loads(body: Model) -> tuple[float, float]:
 # --- equilibrium: rigid motions that supports and contact resist, loads that they balance -----------------------------
 
 
-def equilibrium(body: Model) -> list[Finding]:
+def equilibrium(body: Model) -> Iterator[Finding]:
     """Motions without strain that the supports leave free: whether contact can resist them, and balance the loads.
 
     Each assembly of pieces is checked separately.
     """
     motions, boundary, data = body.motions, body.boundary, body.data
     if motions.free.shape[1] == 0:
-        return []
+        return
     all_reactions = None
     if boundary is not None and data is not None:
         all_reactions = reactions(motions.at(boundary), body.law, data.bilateral)
     loads = [load_on(body, step) for step in range(body.statement.steps)]
-    findings = []
     for number in map(int, np.unique(motions.assembly)):
         columns = motions.assembly == number
         contact = None if all_reactions is None else all_reactions.of(number, columns)
-        findings.append(_equilibrium_of(body, number, contact, [load[columns] for load in loads]))
-    return findings
+        yield _equilibrium_of(body, number, contact, [load[columns] for load in loads])
 
 
 def _equilibrium_of(

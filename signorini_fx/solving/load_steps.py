@@ -19,15 +19,12 @@ from signorini_fx.algebra import step_limit
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.mechanics.body.deformation import Deformation, deformation_of
+from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
-from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions, overclosures_of
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.step_frames import StepEnd
@@ -62,10 +59,6 @@ class SteppedBody:
         """The load step that begins at a place, with foundations and friction as they are there: after the end of the
         last one, whose task this is, or as the first one.
         """
-        raise NotImplementedError
-
-    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
-        """Give a system its loads at a place, and return their factors for ``system.set_load``."""
         raise NotImplementedError
 
     def show(self, outcome: Outcome, result: StepResult) -> None:
@@ -104,13 +97,19 @@ class BegunStep:
                 last=self.last,
                 rigid=rigid,
             )
-            deformation = deformation_of(model, displacement, model.tagged.size)
+            deformation, status = deformation_of(model, displacement, model.tagged.size), outcome.status
+            if status in (Status.CONVERGED, Status.ROUND_OFF):
+                # First this, as a body that has moved far away is the usual reason of a residual that stagnates.
+                if deformation.largest > model.settings.largest_deformation:
+                    status = Status.TOO_LARGE
+                elif status is Status.CONVERGED and not certificate.holds:
+                    status = Status.NOT_CERTIFIED
             result = StepResult(
                 step=start.step + 1,
                 place=start.place,
                 time=path.time_at(start.place),
                 name=path.name_at(start.place),
-                status=judged(outcome.status, certificate, deformation, model.settings),
+                status=status,
                 displacement=displacement,
                 contact=contact,
                 certificate=certificate,
@@ -134,23 +133,9 @@ class LoadStep(BegunStep):
         return f"{self.result}: {self.result.status.value}"
 
 
-def judged(status: Status, certificate: Certificate, deformation: Deformation, settings: SolverSettings) -> Status:
-    """The status of an iteration after its result has been checked.
-
-    If the residual stagnates, the usual reason is a body that has moved far away: therefore this is checked first.
-    """
-    if status not in (Status.CONVERGED, Status.ROUND_OFF):
-        return status
-    if deformation.largest > settings.largest_deformation:
-        return Status.TOO_LARGE
-    return Status.NOT_CERTIFIED if status is Status.CONVERGED and not certificate.holds else status
-
-
-def first_start(start: Start, boundary: ContactBoundary, state: ContactState | None) -> Start:
-    """Where the first load step of a task starts, from the contact state of a coarser mesh if there is one;
-    collective.
-    """
-    if state is None:
+def first_start(start: Start, boundary: ContactBoundary | None, state: ContactState | None) -> Start:
+    """Where the first load step of a task starts, from the contact state of a coarser mesh, if any; collective."""
+    if state is None or boundary is None:
         return start
     from signorini_fx.solving.meshed_problem import carry_over
 
@@ -404,7 +389,7 @@ class StepProgress(Stepping[LoadStep]):
         history, steps, place = self.task.history, self.body.path, self.path.next
         solves_before = history.linear_solves
         begun = self._begun(place)
-        factors = begun.body.load(begun.task.system, place)
+        factors = begun.body.model.load(begun.task.system, place)
         start = replace(begun.start, place=place, factors=factors, several=steps.several)
         if steps.several:
             history.add(StepRecord(start.step + 1, steps.name_at(place), steps.time_at(place)))
@@ -449,7 +434,7 @@ class StepProgress(Stepping[LoadStep]):
 
                 model = with_shortenings(model, place, figures["shortenings"])
             body = replace(begun.body, model=model)
-            start = replace(begun.start, place=place, factors=body.load(begun.task.system, place))
+            start = replace(begun.start, place=place, factors=model.load(begun.task.system, place))
             begun = replace(begun, body=body, start=start)
             outcome = checkpoint.recall(model, model.tagged.size, begun.task, start)
         if outcome is None:

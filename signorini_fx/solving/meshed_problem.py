@@ -146,7 +146,9 @@ class MeshedProblem(ABC):
         history, comm = self.history, self.comm
         history.add(f"level {number}")
         solves_before = history.linear_solves
-        solved, step_errors = self.solve(state, coarser, None if stored is None else stored.on(number))
+        if stored is not None:
+            stored.level = number
+        solved, step_errors = self.solve(state, coarser, stored)
         solution = solved.solution
         if not solution.converged:
             return replace(solved, outcome=None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -30,15 +30,10 @@ Array = npt.NDArray[np.float64]
 
 def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Finding]:
     """One finding for each contact with nodes that supports hold inside the foundation, from the load step where one
-    lies deepest; collective.
+    lies deepest; ``size``: of the body, length; collective.
 
-    No displacement is admissible there, so that no contact pressure keeps the node outside: the supports take whatever
-    it would be.  The node transmits nothing in contact (``complementarity.trial_pressure``), and the result must say
-    so.
-
-    Args:
-        steps: the contact of each load step.
-        size: of the body, length.
+    No contact pressure keeps such a node outside: the supports take whatever it would be, and the node transmits
+    nothing in contact (``complementarity.trial_pressure``).
     """
     deepest: dict[int, tuple[float, str]] = {}
     for contact in steps:
@@ -70,7 +65,7 @@ def _message(rows: Array, depth: float, size: float) -> str:
     )
 
 
-def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
+def facets_in_result(body: Model, contact: ContactState) -> Iterator[Finding]:
     """Contacts of two bodies whose pressure is that of the distances between the chords of their curved sides;
     collective.
 
@@ -79,11 +74,10 @@ def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
     from signorini_fx.results.accuracy.pressure_error import chords, polygon_error
 
     if compat.geometry_degree(body.tagged.mesh) > 1:
-        return []
+        return
     table = contact_table(contact, *body.statement.sides)
     assert table.nodes is not None
     assert body.data is not None
-    findings = []
     for index, effect in enumerate(body.statement.contact):
         if effect.against is None or effect.distance != "geometry" or effect.kind == "bonded":
             continue
@@ -102,16 +96,15 @@ def facets_in_result(body: Model, contact: ContactState) -> list[Finding]:
                 "are chords of, and the distances between them change the pressure as much as the loads do: take "
                 'smaller facets, curved cells, or distance = "nominal"'
             )
-            findings.append(Finding("warning", f"contact[{index}].distance", text))
-    return findings
+            yield Finding("warning", f"contact[{index}].distance", text)
 
 
-def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement: fem.Function) -> list[Finding]:
+def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement: fem.Function) -> Iterator[Finding]:
     """Foundations between the nodes of a result, or in parts of the body that are in no contact; ``foundations``: the
     name of each, its shape where it is in the result, None: it has none, and what is added to its distance, without
     which number it is not looked at; collective.
     """
-    findings, cells = [], None
+    cells = None
     for name, shape, added in foundations:
         if shape is None or getattr(shape, "driven", False) or not isinstance(added, int | float):
             continue
@@ -123,19 +116,17 @@ def shapes_in_results(foundations: Iterable[tuple[str, Any, Any]], displacement:
                 f"a part of the foundation lies inside the deformed body, {deep}: between two nodes, or where there is "
                 "no contact boundary; take facets that are not wider than the foundation, and more of the boundary"
             )
-            findings.append(Finding("warning", name, message))
-    return findings
+            yield Finding("warning", name, message)
 
 
-def result_findings(deformations: Sequence[Deformation], unjudged: Sequence[str]) -> list[Finding]:
+def result_findings(deformations: Sequence[Deformation], unjudged: Sequence[str]) -> Iterator[Finding]:
     """Findings about a result; ``unjudged``: names of bodies whose forces are round-off of those of others."""
-    findings = []
     if unjudged:
         message = (
             f"the forces on {', '.join(unjudged)} are round-off of the largest ones of the scene: its results mean "
             "nothing, and the certificate does not judge it; solve it in a scene of its own"
         )
-        findings.append(Finding("warning", "body, traction, displacement", message))
+        yield Finding("warning", "body, traction, displacement", message)
     worst = max(deformations, key=lambda deformation: deformation.largest)
     far = f"displacements of up to {worst.displacement:.2g} times the size of the body"
     if worst.gradient > NOTABLE:
@@ -143,23 +134,21 @@ def result_findings(deformations: Sequence[Deformation], unjudged: Sequence[str]
             f"strains and rotations of {worst.gradient:.2g} on average, {far}: the deformation is not small, as "
             "linear elasticity assumes; check the units of E, of the loads and of the lengths"
         )
-        findings.append(Finding("warning", "material, traction, body_force, displacement", message))
+        yield Finding("warning", "material, traction, body_force, displacement", message)
     elif worst.displacement > NOTABLE:
         message = (
             f"{far}, by strains and rotations of {worst.gradient:.2g} on average: the body moves far, while gap and "
             "normals are those of its initial position; check the gap and the unit of lengths"
         )
-        findings.append(Finding("warning", "contact.gap, displacement", message))
-    return findings
+        yield Finding("warning", "contact.gap, displacement", message)
 
 
-def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> list[Finding]:
+def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
     """A finding where contact touches nothing in any load step; collective."""
     contacts = [step.contact.in_contact.any() for step in steps if step.contact is not None]
-    if not contacts or parallel.any_rank(comm, bool(np.any(contacts))):
-        return []
-    message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
-    return [Finding("warning", "contact.gap", message)]
+    if contacts and not parallel.any_rank(comm, bool(np.any(contacts))):
+        message = "nothing is in contact; where contact was expected, check the gap, the loads and their units"
+        yield Finding("warning", "contact.gap", message)
 
 
 # --- bodies that lie loose: nothing presses on them, and they can move without touching anything ----------------------
@@ -194,20 +183,20 @@ def loose_in(body: ElasticBody, step: StepResult) -> list[int]:
 
 def loose_at_rest(
     body: ElasticBody, steps: Sequence[StepResult], path: str, names: tuple[str, ...] = ()
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """Load steps that leave what the supports do not hold near to where it was, as nothing presses on it; ``names``: of
     the bodies that its pieces are, if the pieces have none; collective.
     """
     loose = {step.step: numbers for step in steps if (numbers := loose_in(body, step))}
     if len(steps) == 1 or not loose:
-        return []
+        return
     which = f"load step{'s' * (len(loose) > 1)} {', '.join(map(str, loose))}"
     bodies = _named(body, sorted(set().union(*loose.values())), names)
     message = (
         f"{which}: nothing presses on {bodies}: it is left as near as possible to where it was, one of many positions "
         "in equilibrium"
     )
-    return [Finding("note", path, message)]
+    yield Finding("note", path, message)
 
 
 def _named(body: ElasticBody, loose: Sequence[int], names: tuple[str, ...] = ()) -> str:

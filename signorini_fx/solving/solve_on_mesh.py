@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
 from signorini_fx.algebra.linalg.elasticity import Elasticity
@@ -29,7 +28,7 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.step_frames import StepEnd, from_rest, turned
+from signorini_fx.results.step_frames import StepEnd, from_rest
 from signorini_fx.solving.findings import refuse_beforehand, scene_findings
 from signorini_fx.solving.load_steps import BegunStep, Increments, LoadStep, SteppedBody, StepProgress, first_start
 from signorini_fx.solving.result_findings import (
@@ -70,22 +69,19 @@ def solve_mesh(
             )
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
-    start = task.start
-    if model.boundary is not None:
-        start = first_start(start, model.boundary, state)
-    return solve_contact(model, task, start, timings, on_step, kept)
+    return solve_contact(model, task, state, timings, on_step, kept)
 
 
 def solve_contact(
     model: SolidBody,
     task: Task,
-    start: Start,
+    state: ContactState | None,
     timings: Timings,
     on_step: Callable[[LoadStep], object] = lambda step: None,
     level_checkpoint: MeshCheckpoint | None = None,
 ) -> tuple[Solution, Task, Outcome]:
     """All load steps, until one has no solution, the contact problem of the last one, and how the last one with a
-    solution ended.
+    solution ended; ``state``: from which the first one begins, see ``solve_mesh``.
     """
     history, statement = task.history, model.statement
 
@@ -93,12 +89,13 @@ def solve_contact(
         with timings.phase("condense"):
             return contact_task(model, history)
 
-    body = StatedSteps(model, statement.path, timings, renew)
+    body = StatedSteps(model, statement.path, timings, renew, state)
+    start = first_start(task.start, model.boundary, state)
     progress = StepProgress(body, task, start, Increments(statement.path, statement.solver))
     progress.all(on_step, level_checkpoint)
     model, task = progress.body.model, progress.task
     assert progress.ended is not None
-    found = _found(model, tuple(progress.results))
+    found = partial(_findings, model, progress.results)
     solution = contact_solution(model, progress.results, task, progress.ended, timings, found)
     return solution, task, progress.ended[0]
 
@@ -109,12 +106,14 @@ def contact_solution(
     task: Task,
     ended: tuple[Outcome, RegularisedData],
     timings: Timings,
-    found: Callable[[], tuple[Finding, ...]],
+    find: Callable[[], Iterable[Finding]],
 ) -> Solution:
     """What load steps have come to; ``ended``: how the last one with a solution ended, or the first one, and its data;
-    collective.
+    ``find``: gives the findings, which are looked for when the first one asks, on several ranks at once; collective.
     """
-    (outcome, data), shown = ended, _shown(steps)
+    (outcome, data), shown, found = ended, _shown(steps), cache(lambda: tuple(find()))
+    if model.comm.size > 1:  # they may be asked for by one rank alone
+        found()
     parameters = {} if shown.contact is None else used_parameters(outcome, data, shown.strain_energy)
     return Solution(
         status=steps[-1].status,
@@ -137,18 +136,9 @@ def _shown(steps: Sequence[StepResult]) -> StepResult:
     return next((step for step in reversed(steps) if step.status is Status.CONVERGED), steps[-1])
 
 
-def _found(model: Model, steps: tuple[StepResult, ...]) -> Callable[[], tuple[Finding, ...]]:
-    """Gives the findings, which are looked for when the first one asks, on several ranks at once; collective."""
-    found = cache(lambda: tuple(_findings(model, steps)))
-    if model.comm.size > 1:  # they may be asked for by one rank alone
-        found()
-    return found
-
-
 def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
     """The findings of ``check`` about the scene, and those about its result; collective."""
-    last = steps[-1]
-    findings = scene_findings(model)
+    last, findings = steps[-1], [*scene_findings(model)]
     if _solved(steps) and last.contact is not None and last.contact.boundary.paired:
         findings += facets_in_result(model, last.contact)
     contact = enumerate(model.statement.placed(_shown(steps).place).contact)
@@ -248,10 +238,11 @@ def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
 @dataclass(frozen=True)
 class StatedSteps(SteppedBody):
     """A body that a statement says all of; ``renew``: makes the contact problem of a model whose foundations have
-    moved.
+    moved; ``state``: from which the first load step begins.
     """
 
     renew: Callable[[Model], Task]
+    state: ContactState | None
 
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
         earlier, start, last = self.model, first, None
@@ -266,27 +257,20 @@ class StatedSteps(SteppedBody):
             bound = moved.law.given if start.multipliers is None else moved.law.bound(start.multipliers[0])
             return BegunStep(stepped, task, replace(start, law=moved.law, data=replace(start.data, bound=bound)), last)
         task = self.renew(moved)
-        return BegunStep(stepped, task, *on_moved_foundations(earlier, moved, task, start, end))
+        if end is not None:
+            return BegunStep(stepped, task, *on_moved_foundations(earlier, moved, task, end))
+        assert moved.boundary is not None
+        start = first_start(task.start, moved.boundary, self.state)
+        drift = moved_since(moved, moved.statement.placed(-1))
+        return BegunStep(stepped, task, *from_rest(moved.space, moved.boundary, start, drift))
 
-    def load(self, system: ElasticSystem, path_step: float) -> Nodal:
-        return self.model.load(system, path_step)
 
-
-def on_moved_foundations(
-    earlier: Model, moved: Model, task: Task, start: Start, end: StepEnd | None
-) -> tuple[Start, PreviousStep]:
+def on_moved_foundations(earlier: Model, moved: Model, task: Task, end: StepEnd) -> tuple[Start, PreviousStep]:
     """A load step on foundations that have moved: where it starts, and the end of the last one as it begins from it;
     supports hold the body, see ``check.findings``; collective.
     """
     assert earlier.boundary is not None
     assert moved.boundary is not None
-    if end is None:
-        drift, begun = moved_since(moved, moved.statement.placed(-1)), task.start
-        if start.sets is not None and start.multipliers is not None:  # of a coarser mesh
-            pressure, shear = start.multipliers
-            shear = np.einsum("njk,nk->nj", turned(earlier.boundary, moved.boundary), shear)
-            begun = begun.begin_from(start.sets, (pressure, shear))
-        return from_rest(moved.space, moved.boundary, begun, drift)
     end.taken_up(task, moved, moved.rigid)
     now, before, spin = moved.boundary, earlier.boundary, None
     if moved.pairs:  # across planes of symmetry, which supports make that hold from now on, there is no shear any more

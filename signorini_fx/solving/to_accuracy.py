@@ -87,8 +87,6 @@ def solve_to_accuracy(
             elif late:
                 history.add(f"{ACCURACY}{ended}")
             return replace(solution, levels=tuple(levels))
-        if not levels:
-            meshes.keep(solved)
         degree = solution.statement.element.degree
         rates = expected_rates(degree if meshes.adaptive else 1)
         polygon = meshes.problem.polygon_error(solved, polygon)
@@ -103,7 +101,9 @@ def solve_to_accuracy(
             rows = convergence_table(levels, budget.base_memory, rates=rates, uniform=not meshes.adaptive)
         solution = last = replace(solution, levels=tuple(levels), convergence_table=tuple(rows))
         regularisation = level.pressure_regularisation if goal.of == "pressure" else level.regularisation
-        estimate = getattr(rows[-2], goal.of) if rows else _estimate_on_one(levels[0], goal)
+        # The others are only known by comparing meshes.
+        on_one = {"energy": level.energy, "pressure": level.pressure}
+        estimate = getattr(rows[-2], goal.of) if rows else on_one.get(goal.of)
         margin = MARGIN_OF_ENERGY[degree] if goal.of == "energy" else MARGIN
         error = inf if estimate is None else estimate * margin
         enough = len(levels) >= (2 if goal.of in ("energy", "pressure") else 3)
@@ -224,11 +224,6 @@ class Budget:
         return Unsolved(Status.MEMORY if goal.memory is None else Status.BUDGET, reason)
 
 
-def _estimate_on_one(level: LevelResult, goal: Accuracy) -> float | None:
-    """The error that a single mesh knows; None for what is only known by comparing meshes."""
-    return {"energy": level.energy, "pressure": level.pressure}.get(goal.of)
-
-
 # --- the meshes on the way: the coarsest one, each finer one after it, and the problem on it --------------------------
 
 
@@ -269,23 +264,18 @@ class Meshes:
         self.seconds: float = 0.0
         self.finer: float = 1.0
 
-    def keep(self, solved: SolvedMesh) -> None:
-        """Keep what was chosen on the first mesh."""
-        self.problem = self.problem.keeping(solved)
-
     def _solved(self, state: ContactState | None, number: int) -> SolvedMesh:
-        """The current mesh, the first one as fine as it must be.
-
-        Straight facets of two bodies that fit each other may be so far apart on it that there is no solution, and a
-        nonlinear body may be too coarse for one.
+        """The current mesh, the first one as fine as it must be: straight facets of two bodies that fit each other may
+        be so far apart on it that there is no solution, and a nonlinear body may be too coarse for one.
         """
         while True:
             try:
                 solved = self.problem.solved(number, state, self._coarser)
                 self._coarser = solved.as_level(self._coarser)
-                retried = solved.solution.statement.sides[1] is not None or solved.task is None
-                apart = solved.level is None and retried and not _used_up(solved)
-                if number > 0 or not apart or not self.problem.coarsest > 1:
+                solution, unsolved = solved.solution, solved.level is None
+                retried = unsolved and (solution.statement.sides[1] is not None or solved.task is None)
+                spent = solution.history.late or solution.status is Status.NO_MEMORY  # another try would end likewise
+                if number > 0 or spent or not retried or not self.problem.coarsest > 1:
                     return solved
             except (SceneError, MeshError):
                 if number > 0 or not self.problem.coarsest > 1:
@@ -293,8 +283,12 @@ class Meshes:
             self.problem = self.problem.beginning_finer()
 
     def solve(self, state: ContactState | None, number: int) -> SolvedMesh:
-        """Solve on the current mesh; with regularisation on all finer ones if augmentation fails on it."""
+        """Solve on the current mesh; with regularisation on all finer ones if augmentation fails on it, and with what
+        was chosen on the first one.
+        """
         solved = self._solved(state, number)
+        if number == 0 and solved.level is not None:
+            self.problem = self.problem.keeping(solved)
         if self._stated is not None and solved.outcome is not None and solved.outcome.regularised:
             self.problem = self.problem.with_settings(self._stated)
             self._stated = None
@@ -364,8 +358,3 @@ class Meshes:
             # With Coulomb friction its own figure is that of the start: halving, at least, comes to an end.
             update = {"regularisation_error": min(allowed, regularisation_error) / max(factor, 2.0)}
         self.problem = self.problem.with_settings(settings.model_copy(update=update))
-
-
-def _used_up(solved: SolvedMesh) -> bool:
-    """Whether time or memory ended, so that another try would end likewise."""
-    return solved.solution.history.late or solved.solution.status is Status.NO_MEMORY

@@ -25,7 +25,7 @@ from ufl.corealg.multifunction import MultiFunction
 
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.forms.given_forms import GivenForms, named_parts
+from signorini_fx.forms.given_forms import GivenForms, model_of, named_parts
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
@@ -115,8 +115,8 @@ class SolvedBody:
         """
         names = tuple(step.name for step in steps) if any(step.name for step in steps) else ()
         path = LoadPath(tuple(step.time for step in steps), names) if steps else counted_path(self.step.step - 1)
-        parts = named_parts(self.forms, self.elastic.settings, ("F",)).along(path, title)
-        model = parts.model(self.elastic, self.law, {}, rigid)
+        named = named_parts(self.forms, self.elastic.settings, ("F",))
+        model = model_of(self.elastic, named, path, title, self.law, {}, rigid)
         body = ResidualBody.of(model, at_end=self.mechanics, at_steps=tuple(mechanics))
         (status, found), (history, timings) = ended, spent
         outcome = self.outcome, self.outcome.problem.data
