@@ -285,20 +285,12 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
         raise SceneError([("displacement", reason)])
     if model.boundary is not None:
         model.first_sets()
-        if linear:
-            _refuse_moving(model)
+    moving = [k for k, effect in enumerate(model.statement.contact) if effect.moves]
+    if linear and moving and model.statement.steps > 1 and model.motions.free.shape[1]:
+        wrong = (
+            "moves with the time, so that supports must hold the body, and not contact alone: add them, or let a force "
+            "move the foundation (keys force and prescribed)"
+        )
+        raise SceneError([(f"contact[{k}].foundation", wrong) for k in moving])
     if model.statement.solver.error_bound:
         add_on("error_bound")  # not after hours
-
-
-def _refuse_moving(model: Model) -> None:
-    """Refuse a foundation that moves with the time where supports do not hold the body."""
-    if not model.motions.free.shape[1] or model.statement.steps < 2:
-        return
-    wrong = (
-        "moves with the time, so that supports must hold the body, and not contact alone: add them, or let a force "
-        "move the foundation (keys force and prescribed)"
-    )
-    problems = [(f"contact[{k}].foundation", wrong) for k, effect in enumerate(model.statement.contact) if effect.moves]
-    if problems:
-        raise SceneError(problems)

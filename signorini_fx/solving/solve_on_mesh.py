@@ -114,7 +114,12 @@ def contact_solution(
     (outcome, data), shown, found = ended, _shown(steps), cache(lambda: tuple(find()))
     if model.comm.size > 1:  # they may be asked for by one rank alone
         found()
-    parameters = {} if shown.contact is None else used_parameters(outcome, data, shown.strain_energy)
+    parameters, energy = dict[str, float](), shown.strain_energy
+    if shown.contact is not None:
+        parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
+        if outcome.regularisation_error is not None and energy is not None:
+            error = outcome.regularisation_error / np.sqrt(2 * energy) if energy > 0 else 0.0
+            parameters["regularisation_error"] = error
     return Solution(
         status=steps[-1].status,
         algorithm=algorithm_name(model.statement, outcome),
@@ -202,15 +207,6 @@ def contact_task(
         sets, iteration = model.first_sets()
         start = replace(start, sets=sets, iteration=iteration)
     return replace(task, start=start)
-
-
-def used_parameters(outcome: Outcome, data: RegularisedData, energy: float | None) -> dict[str, float]:
-    """The parameters of the regularisation for the summary; its error is relative to ``energy``."""
-    parameters = {"gamma_n": data.gamma_n, "gamma_t": data.gamma_t, "sigma": data.sigma}
-    if outcome.regularisation_error is not None and energy is not None:
-        size = np.sqrt(2 * energy)
-        parameters["regularisation_error"] = outcome.regularisation_error / size if size > 0 else 0.0
-    return parameters
 
 
 def algorithm_name(statement: Statement, ended: Outcome) -> str:

@@ -109,8 +109,7 @@ def solve_to_accuracy(
         enough = len(levels) >= (2 if goal.of in ("energy", "pressure") else 3)
         if enough and error + regularisation <= goal.target:
             return solution
-        hopeless = _out_of_reach(goal, levels, margin, solved.tagged.size)
-        if hopeless:
+        if hopeless := _out_of_reach(goal, levels, margin, solved.tagged.size):
             return Unsolved(Status.OUT_OF_REACH, hopeless).leaves(solution, history)
         if late:
             return replace(solution, status=Status.BUDGET)
@@ -124,12 +123,10 @@ def solve_to_accuracy(
             rate = rates.get(goal.of) or seen_rate(levels, level.dimension)
             touching = level.table.touching if goal.of == "peak" else FEW_NODES
             jump = meshes.jump(excess, rate, compared=compared, dimension=level.dimension, touching=touching)
-            if enough and len(levels) >= MANY_STEPS:
-                return Unsolved(Status.OUT_OF_REACH, f"{MANY_STEPS} meshes have not reached it").leaves(
-                    solution, history
-                )
             beyond = None
-            if enough and not meshes.adaptive:
+            if enough and len(levels) >= MANY_STEPS:
+                beyond = Unsolved(Status.OUT_OF_REACH, f"{MANY_STEPS} meshes have not reached it")
+            elif enough and not meshes.adaptive:
                 jump, beyond = budget.affordable(rows, jump, level, meshes)
             if beyond is None:
                 try:
