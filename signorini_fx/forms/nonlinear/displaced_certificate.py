@@ -139,7 +139,9 @@ def conditions_at(
     )
     for number, moving in linear.shapes.items():
         gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
-        gap[moving.nodes], along[moving.nodes] = moving.projected_onto(places[moving.nodes], linear=False)
+        moved = [tool.at(moving.x) for tool in linear.moving_tools.motions if number in tool.body.parts]
+        at_nodes = places[moving.nodes]
+        gap[moving.nodes], along[moving.nodes] = moving.projected_onto(at_nodes, sum(moved, np.zeros_like(at_nodes)))
         distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
         data[number] = replace(data[number], gap=gap, shape=distances)
     for number in linear.pairs:  # their distance is that of the map

@@ -106,11 +106,13 @@ class MovingFoundations(Foundations):
         sliding: the pairs, by their numbers.
         shapes_of_tools: of the foundations, where they are, by their numbers.
         at: the displacement of now.
+        coordinates: of tools where they are, see ``MovingTools``.
     """
 
     sliding: Mapping[int, MovingPair]
     shapes_of_tools: Mapping[int, MovingShape] = MappingProxyType({})
     at: fem.Function
+    coordinates: Array
     _undeformed: dict[int, tuple[list[bytes], PairedSides]]
 
     @property
@@ -141,9 +143,21 @@ class MovingFoundations(Foundations):
         moving.shape = fitting(number, distance.shape, self._dimension, turns=moving.turns)
 
     @property
+    def driven(self) -> list[Any]:
+        """As they are given."""
+        return [shape and self.shapes_of_tools[number].as_given for number, shape in enumerate(super().driven)]
+
+    @property
     def rigid_bodies(self) -> MovingTools:
         given = super().rigid_bodies
-        return MovingTools(given.bodies, given.kinematics, given.length, self.at, self.shapes_of_tools)
+        return MovingTools(given.bodies, given.kinematics, given.length, self.at, self.coordinates)
+
+    def carry_to(self, coordinates: Array) -> None:
+        """Put tools where they are at coordinates of shape (k,)."""
+        self.coordinates = coordinates
+        for tool in self.rigid_bodies.motions:
+            for part in tool.body.parts:
+                self.shapes_of_tools[part].carry_to(tool)
 
     def measured(self, shape: Any) -> bool:
         """Along the axis of a body of revolution alone, as forces around it cancel."""
@@ -255,8 +269,9 @@ class LinearisedProblem(FormSolver):
         foundations = self.foundations
         self.shapes |= {k: self._shape_of(k, entry) for k, entry in enumerate(contact) if entry.shape is not None}
         foundations.at, foundations.sliding, foundations.shapes_of_tools = at, {}, self.shapes
-        foundations._undeformed = {}
+        foundations._undeformed, foundations.coordinates = {}, np.zeros(0)
         foundations.check_driven()
+        foundations.coordinates = np.zeros(foundations.rigid_bodies.fixed.size)
 
     def _seen(self, number: int, entry: Any) -> Any:
         """A foundation with a shape as the linearised problem has it: a gap and a direction."""
@@ -264,7 +279,9 @@ class LinearisedProblem(FormSolver):
         def seen() -> tuple[Array, Array]:
             moving = self.shapes[number]
             moving.added = self._added_to_distance(number)
-            return moving.projected_onto(self.places[moving.nodes])
+            u, carried = self.places[moving.nodes], self.moving_tools.motions
+            moved = [tool.linear_at(moving.x + u) for tool in carried if number in tool.body.parts]
+            return moving.projected_onto(u, sum(moved, np.zeros_like(u)))
 
         return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
 
@@ -333,17 +350,17 @@ class LinearisedProblem(FormSolver):
         if (state := self._state) is None:
             return
         hessians = hessians_at(state.boundary, self.shapes, self.places, self.extent)
-        nodal = blocks = curvature_of(hessians, state)
+        blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.moving_tools, None
         if tools.bodies:
             self.relative = tools.relative_stiffness(state, blocks)
-            nodal = np.where((tools.touching(state.boundary) >= 0)[:, None, None], 0.0, blocks)
+            blocks = np.zeros_like(blocks)
         joint = tuple(pair.stiffness(state) for pair in self.pairs.values())
         places = self.places[: self.space.dofmap.index_map.size_local]
         for number, paired in self.foundations.kept_pairs.items():
             if not self.contact[number].bonded:
                 joint = *joint, turned_forces(state, paired, places)
-        self.curvature = NodalStiffness.summed(state.boundary.nodes, nodal, joint)
+        self.curvature = NodalStiffness.summed(state.boundary.nodes, blocks, joint)
 
     # --- what a FormSolver asks for ---
 
@@ -365,7 +382,7 @@ class LinearisedProblem(FormSolver):
         places, way = self.places[boundary.nodes] - tools.at_points(boundary), self._way()
         if tools.bodies:  # their slips are counted from where a step has begun by their finite motion
             begins = np.einsum("nij,ni->nj", boundary.tangents, places - way)
-            origin = np.where((tools.touching(boundary) >= 0)[:, None], begins, origin)
+            origin = np.where(tools.touching(boundary)[:, None], begins, origin)
         if state is not None and len(self._hessians) == boundary.size == state.boundary.size:
             slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
             slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
@@ -512,7 +529,7 @@ class LinearisedProblem(FormSolver):
             curved = bool(self.curvature.nodes.size or self.curvature.joint)
             if self.status is Status.OPEN and self.task.idle and parallel.any_rank(self.space.mesh.comm, curved):
                 # What nothing presses on any more has no tractions that turn.
-                self.curvature = NodalStiffness.none(self.curvature.blocks.shape[1])
+                self.curvature, self.relative = NodalStiffness.none(self.curvature.blocks.shape[1]), None
                 why = self.attempt()
         except MatrixError as error:
             if error.fault != NOT_POSITIVE:
@@ -670,7 +687,7 @@ class LinearisedProblem(FormSolver):
         self._at.x.array[:] = state.displacement
         self.fields.take(self.space, state.contact)
         self._state, self.outcome, self._solution = state.contact, state.outcome, state.guess
-        self.moving_tools.carry_to(state.tools)
+        self.foundations.carry_to(state.tools)
         dim = self._at.function_space.mesh.geometry.dim
         self._last_pattern, self.curvature, self._hessians = None, NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative = None

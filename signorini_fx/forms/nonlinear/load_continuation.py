@@ -189,7 +189,7 @@ class Continuation(Stepping[StepResult]):
     def _fits(self, checkpoint: MeshCheckpoint, figures: Figures) -> bool:
         """Take the displacement and the contact of the next load step from a checkpoint, if they fit; collective."""
         linear, residual = self.solver.linear, self.solver.residual
-        number, tools = linear.step, linear.moving_tools
+        number, tools = linear.step, linear.foundations
         fields = checkpoint.beside(number, linear.space, (_SOLUTION, _TANGENT))
         if fields is None:
             checkpoint.forget(number)

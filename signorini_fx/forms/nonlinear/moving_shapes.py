@@ -59,9 +59,6 @@ class MovingShape:
         nodes: of the foundation, local numbers, ghosts included, shape (n,).
         x: their initial positions, length, shape (n, d).
         turns: whether forces may turn it, see ``fitting``.
-        translation: by which forces have moved its pivot from where it is given, length, shape (d,).
-        turn: the rotation vector by which they have turned it, radians; in 2D one angle, shape (1,) or (3,).
-        pivot: where the pivot of its rigid body is given, length, shape (d,).
     """
 
     shape: Shape
@@ -70,14 +67,10 @@ class MovingShape:
     nodes: npt.NDArray[np.int64]
     x: Array
     turns: bool = True
-    translation: Array = field(init=False)
-    turn: Array = field(init=False)
-    pivot: Array = field(init=False)
     _home: Shape = field(init=False)  # where it is without what forces have moved it by
 
     def __post_init__(self) -> None:
-        self._home, dim = self.shape, self.x.shape[1]
-        self.translation, self.pivot, self.turn = np.zeros(dim), np.zeros(dim), np.zeros(3 if dim == 3 else 1)
+        self._home = self.shape
 
     @property
     def as_given(self) -> Shape:
@@ -86,29 +79,22 @@ class MovingShape:
             return self.shape
         return self.shape.model_copy(update={"shift": self._home.shift, "rotation": self._home.rotation})
 
-    def carry_to(self, translation: Array, turn: Array, pivot: Array) -> None:
-        """Put a shape that forces move at this translation of the pivot of its rigid body, and turn about that."""
-        home, dim = self._home, translation.size
-        self.translation, self.turn, self.pivot = translation, turn, pivot
-        about = home.reference(dim) - pivot
+    def carry_to(self, motion: RigidBodyMotion) -> None:
+        """Put a shape that forces move where its rigid body is."""
+        home, turn, dim = self._home, motion.rotation, motion.reference.size
+        about = home.reference(dim) - motion.reference
         shift = np.zeros(dim) if home.shift is None else np.array(home.shift, dtype=np.float64)
-        moved = shift + translation + (turn_of(turn) - np.eye(dim)) @ about
+        moved = shift + motion.translation + (turn_of(turn) - np.eye(dim)) @ about
         update: dict[str, Any] = {"shift": tuple(map(float, moved))}
         if turn.any() or self.shape.rotation is not None:
             update["rotation"] = turned_further(home.angles(), turn, self.shape.angles())
         self.shape = self.shape.model_copy(update=update)
 
-    def projected_onto(self, u: Array, *, linear: bool = True) -> tuple[Array, Array]:
+    def projected_onto(self, u: Array, moved: Array) -> tuple[Array, Array]:
         """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors, shape (n, d), at nodes
-        displaced by u, shape (n, d); of a shape that forces move the turn is taken to be a small one about the pivot of
-        now, if ``linear``: then the displacement relative to it is linear in all unknowns.
+        displaced by u; ``moved``: by which forces have moved the shape there, both lengths, shape (n, d).
         """
-        places = self.x + u
-        signed, normal = self.shape.distance(places)
-        if linear:
-            moved = self.translation + across_arms(self.turn, places - self.pivot - self.translation)
-        else:
-            moved = rigid_motion(self.x, self.translation, self.turn, self.pivot)
+        signed, normal = self.shape.distance(self.x + u)
         return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, u - moved)), -normal
 
     def curvature(self, places: Array, size: float) -> Array:
@@ -125,18 +111,7 @@ class MovingShape:
     @property
     def rotation(self) -> Array:
         """By which it has turned since the last step, shape (d, d)."""
-        dimension = self.x.shape[1]
-        stays = self.shape == self.settled
-        return np.eye(dimension) if stays else self.shape.turned_from(self.settled, dimension)
-
-    def moved(self, begun: Array) -> Array:
-        """How far it has moved with points on it since the last step, length, shape (n, d); ``begun``: places of nodes
-        at its end, where the points were.
-
-        The way of a node relative to it turns with it then.  They are not the closest points: a node may be inside by
-        the penalty, or away by a gap that is added, and would slip as both turn.
-        """
-        return np.zeros_like(begun) if self.shape == self.settled else self.shape.carried_from(self.settled, begun)
+        return self.shape.turned_from(self.settled, self.x.shape[1])
 
 
 def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float) -> Array:
@@ -217,12 +192,15 @@ def motion_at(points: Any, x: Array, shapes: Mapping[int, MovingShape], begun: A
     ``points``: with the ``part`` and the node of each, whose undeformed places are ``x``; ``begun``: displacements of
     the nodes at the end of the last step, shape (nodes, d).
     """
-    if all(moving.shape == moving.settled for moving in shapes.values()):
+    moved = {number: moving for number, moving in shapes.items() if moving.shape != moving.settled}
+    if not moved:
         return None
     motion = np.zeros_like(x)
-    for number, moving in shapes.items():
+    for number, moving in moved.items():
         on_part = np.flatnonzero(points.part == number)
-        motion[on_part] = moving.moved(x[on_part] + begun[points.nodes[on_part]])
+        at = x[on_part] + begun[points.nodes[on_part]]
+        # Not its closest points: a node may be inside by the penalty, or away by a gap that is added.
+        motion[on_part] = moving.shape.carried_from(moving.settled, at)
     return motion
 
 
@@ -277,20 +255,6 @@ def not_driven(shape: Shape, dimension: int, *, turns: bool = True) -> tuple[str
     return None
 
 
-def rigid_motion(x: Array, translation: Array, turn: Array, pivot: Array) -> Array:
-    """How far a rigid body that has turned, and then moved, takes points at x, length, shape (n, d); ``turn``: the
-    rotation vector, radians, in 2D an angle, shape (1,) or (3,).
-    """
-    return np.asarray((x - pivot) @ (turn_of(turn) - np.eye(x.shape[1])).T + translation)
-
-
-def across_arms(turn: Array, arms: Array) -> Array:
-    """Rotation vectors, shape (1,) or (3,), or one of each arm, times arms of shape (n, d): w x a, shape (n, d)."""
-    if arms.shape[1] == 3:
-        return np.asarray(np.cross(turn, arms))
-    return np.asarray(turn[..., :1] * np.column_stack((-arms[:, 1], arms[:, 0])))
-
-
 def turned_further(initial: float | tuple[float, ...], turn: Array, near: float | tuple[float, ...]) -> Any:
     """The rotation of a shape, degrees, that is turned by a rotation vector in radians from its ``initial`` one; of all
     whole turns more or fewer that nearest to ``near`` is taken.
@@ -313,7 +277,12 @@ class ToolMotion(RigidBodyMotion):
     """How a tool has moved: by a translation of its pivot and a rotation vector that need not be small."""
 
     def at(self, x: Array) -> Array:
-        return rigid_motion(x, self.translation, self.rotation, self.reference)
+        turned = (x - self.reference) @ (turn_of(self.rotation) - np.eye(self.reference.size)).T
+        return np.asarray(turned + self.translation)
+
+    def linear_at(self, places: Array) -> Array:
+        """R q at displaced points, shape (n, d)."""
+        return super().at(places - self.translation)
 
     def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
         """Its gap is not linearised."""
@@ -321,12 +290,12 @@ class ToolMotion(RigidBodyMotion):
 
     def arms(self, contact: ContactState, touching: npt.NDArray[np.bool_]) -> Array:
         """Arms of the displaced points, from their displacement relative to the tool, r = X + a - c - psi x a."""
-        boundary = contact.boundary
+        boundary, axes = contact.boundary, np.eye(self.reference.size)
         relative = contact.u_n[:, None] * boundary.normal
         relative = relative + np.einsum("nij,nj->ni", boundary.cotangents, contact.u_t)
-        turns = np.eye(self.reference.size) - turning_matrices(self.rotation[None], self.reference.size)[0]
+        across = super().at(self.reference + axes) - self.translation  # psi x e_i
         away = (boundary.centre + relative)[touching] - self.reference
-        return np.asarray(np.linalg.solve(turns, away.T).T)
+        return np.asarray(np.linalg.solve(axes - across.T, away.T).T)
 
     def lever(self, x: Array, displacements: Array) -> Array:
         """Where they are, from where the pivot is."""
@@ -335,57 +304,35 @@ class ToolMotion(RigidBodyMotion):
 
 @dataclass(frozen=True)
 class MovingTools(RigidBodies):
-    """The tools of a problem where they are, at points that have been displaced.
+    """The tools of a problem, which are given where they have not moved yet, at points that have been displaced.
 
     Attributes:
         displacement: of the body.
-        shapes: of all foundations, by their numbers.
+        coordinates: (v, L psi) of each where it is, lengths, shape (k,).
     """
 
     displacement: fem.Function
-    shapes: Mapping[int, MovingShape]
+    coordinates: Array
+
+    @property
+    def motions(self) -> tuple[ToolMotion, ...]:
+        """How they have moved."""
+        return self.moved(self.coordinates)
+
+    def moved(self, unknowns: Array) -> tuple[ToolMotion, ...]:
+        moved = super().moved(unknowns)
+        return tuple(ToolMotion(one.body, one.reference, one.translation, one.rotation) for one in moved)
 
     def places(self, boundary: ContactBoundary) -> Array:
-        displacements = self.displacement.x.array.reshape(-1, boundary.x.shape[1])
-        return np.asarray(boundary.centre + displacements[boundary.nodes])
+        """Less the way of the pivot."""
+        places = boundary.centre + self.displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
+        for tool in self.motions:
+            places[np.isin(boundary.part, tool.body.parts)] -= tool.translation
+        return np.asarray(places)
 
-    @property
-    def coordinates(self) -> Array:
-        """(v, L psi) of each, lengths, shape (k,)."""
-        return self.unknowns(self.motions)
-
-    def carry_to(self, coordinates: Array) -> None:
-        """Put their shapes where they are at coordinates of shape (k,)."""
-        moves = zip(self.bodies, self._pivots, self.moved(coordinates), strict=True)
-        for body, pivot, moved in moves:
-            for part in body.parts:
-                self.shapes[part].carry_to(moved.translation.copy(), moved.rotation.copy(), pivot)
-
-    @property
-    def motions(self) -> tuple[RigidBodyMotion, ...]:
-        """How they have moved."""
-        moved = zip(self.bodies, self._pivots, self._drivers, strict=True)
-        return tuple(ToolMotion(body, pivot, at.translation.copy(), at.turn.copy()) for body, pivot, at in moved)
-
-    @property
-    def _drivers(self) -> list[MovingShape]:
-        """The shape of each that says what drives it."""
-        return [
-            self.shapes[next((k for k in body.parts if self.shapes[k].shape.drives), body.parts[0])]
-            for body in self.bodies
-        ]
-
-    @property
-    def _pivots(self) -> list[Array]:
-        """Where the pivot of each is given, length, shape (d,)."""
-        return [np.asarray(at.as_given.reference(self.kinematics.dimension)) for at in self._drivers]
-
-    def touching(self, boundary: ContactBoundary) -> npt.NDArray[np.int64]:
-        """The tool of each contact point, -1: none, shape (n,)."""
-        number = np.full(boundary.size, -1)
-        for k, body in enumerate(self.bodies):
-            number[np.isin(boundary.part, body.parts)] = k
-        return number
+    def touching(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
+        """Which contact points are on a tool, shape (n,)."""
+        return np.isin(boundary.part, [part for body in self.bodies for part in body.parts])
 
     def at_points(self, boundary: ContactBoundary) -> Array:
         """R q at contact points, zero at those of other foundations, length, shape (n, d)."""
@@ -395,28 +342,23 @@ class MovingTools(RigidBodies):
 
     def relative_stiffness(self, state: ContactState, curvature: Array) -> Array:
         """Forces of (r, L w), the displacement relative to the tool and its turn, from the tractions of contact points,
-        force per length, symmetric, zero where there is no tool, shape (n, m, m); ``curvature``: C, shape (n, d, d).
+        force per length, symmetric, of w zero where there is no tool, shape (n, m, m); ``curvature``: C, shape
+        (n, d, d).
         """
-        boundary, tool = state.boundary, self.touching(state.boundary)
-        dim, turns, touched = self.kinematics.dimension, len(self.kinematics.rotations), tool >= 0
-        blocks = np.zeros((boundary.size, dim + turns, dim + turns))
-        blocks[:, :dim, :dim] = np.where(touched[:, None, None], curvature, 0.0)
-        pivots = np.array([pivot + at.translation for pivot, at in zip(self._pivots, self._drivers, strict=True)])
-        arms = self.places(boundary)[touched] - pivots[tool[touched]]
-        forces = boundary.nodal_forces(state.pressure, state.shear)[touched]
-        # In 2D turns are about x[2]: its rows and columns of space are left out.
-        space, axes = np.zeros((2, len(arms), 3)), [*range(dim), *range(6 - turns, 6)]
-        space[0, :, :dim], space[1, :, :dim] = arms, forces
-        turned, force = np.zeros((len(arms), 6, 6)), turning_matrices(space[1], 3)
-        turned[:, :3, 3:], turned[:, 3:, :3] = -force, force
-        products = np.einsum("ni,nj->nij", *space)
+        boundary, dim, turns = state.boundary, self.kinematics.dimension, len(self.kinematics.rotations)
+        arms, forces = np.zeros((2, boundary.size, 3))
+        arms[:, :dim] = self.places(boundary)
+        for body in self.bodies:
+            arms[np.isin(boundary.part, body.parts), :dim] -= body.pivot(dim)
+        touching = self.touching(boundary)
+        forces[touching, :dim] = boundary.nodal_forces(state.pressure, state.shear)[touching]
+        against = np.cross(forces[:, None], np.eye(3))  # -[t]
+        products = np.einsum("ni,nj->nij", arms, forces)
         along = np.einsum("nii->n", products)[:, None, None] * np.eye(3)
-        turned[:, 3:, 3:] = along - (products + products.transpose(0, 2, 1)) / 2
-        blocks[touched] += turned[:, axes][:, :, axes] / np.multiply.outer(self.units, self.units)
-        return blocks
-
-
-def turning_matrices(vectors: Array, dimension: int) -> Array:
-    """The matrices of the products w x a, shape (n, d, d), of vectors w of shape (n, 3), in 2D (n, 1)."""
-    units = np.tile(np.eye(dimension), (len(vectors), 1, 1))
-    return np.stack([across_arms(vectors, units[:, axis]) for axis in range(dimension)], axis=2)
+        arms_turn = along - (products + products.transpose(0, 2, 1)) / 2
+        turned = np.block([[np.zeros_like(against), against], [-against, arms_turn]])
+        # In 2D turns are about x[2]: its rows and columns of space are left out.
+        axes = [*range(dim), *range(6 - turns, 6)]
+        blocks = turned[:, axes][:, :, axes] / np.multiply.outer(self.units, self.units)
+        blocks[:, :dim, :dim] += curvature
+        return np.asarray(blocks)

@@ -298,7 +298,7 @@ class EquilibriumSolver:
                 return Status.INVERTED
             u.x.array[:] = old + length * increment
             moved = length * (linear.reached - tools)
-            linear.moving_tools.carry_to(tools + moved)
+            linear.foundations.carry_to(tools + moved)
             change, size = (
                 max(float(parallel.largest(comm, np.abs(values), 0.0)), float(np.abs(further).max(initial=0.0)))
                 for values, further in ((length * increment, moved), (u.x.array, tools + moved))
