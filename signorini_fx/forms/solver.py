@@ -168,7 +168,7 @@ class FormSolver:
     def begin_step(self) -> Start:
         """Where a solve begins with what the problem is now; collective."""
         data, law = self.update()
-        moved = self._moved(self.boundary)  # slip is relative to the foundation
+        moved = self.moved(self.boundary)  # slip is relative to the foundation
         if self._last is None:  # slip counts from the body without loads, and the shapes as they were given
             self.previous_step = None
             start = Start(data, law, 0.0 * data.mu_hat, ActiveSets.all_in_contact(*data.mu_hat.shape), 0)
@@ -259,15 +259,14 @@ class FormSolver:
         """Contact points, stiffness and linear algebra, and the data of the points; collective."""
         space, (fixed, values) = self.space, self.prescribed
         free_unused(space.mesh)
-        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        at_rest = self.foundations.at_rest(fixed, values)
-        boundary = self.rigid.on(self.foundations.boundary(shapes, fixed[:owned], at_rest=at_rest))
+        boundary = self.points(shapes, fixed, values)
         counts = np.bincount(boundary.part[~boundary.points.immovable], minlength=len(shapes))
         for k, count in enumerate(parallel.global_sum(space.mesh.comm, counts)):
             if count == 0:
                 wrong = "bcs prescribe the displacement along the normal at all of its points, or measure is zero"
                 raise FormError([(f"contact[{k}]", wrong)])
         self.boundary = boundary
+        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         elastic = self.elastic = self._body(fixed[:owned], boundary)
         self.scales = scales_of(elastic, boundary, self.foundations.facets, self._size(), self._natural_modulus())
         case, data = self._case(values), self._point_data(shapes)
@@ -282,6 +281,14 @@ class FormSolver:
             has_coulomb=self.forms.has_coulomb,
         )
         return data
+
+    def points(self, shapes: Sequence[ShapeDistances], fixed: npt.NDArray[np.bool_], values: Array) -> ContactBoundary:
+        """The contact points; ``fixed``: which dofs of this rank are prescribed, and to what, shapes (dofs,);
+        collective.
+        """
+        owned = self.space.dofmap.index_map.size_local * self.space.dofmap.index_map_bs
+        at_rest = self.foundations.at_rest(fixed, values)
+        return self.foundations.rigid_bodies.on(self.foundations.boundary(shapes, fixed[:owned], at_rest=at_rest))
 
     def _natural_modulus(self) -> float | None:
         """Of the stress of the forms, or of ``a``: anew when coefficients of ``a`` change; collective."""
@@ -313,7 +320,7 @@ class FormSolver:
         """The right-hand side without what is prescribed, shape (owned dofs,); collective."""
         return assemble(self.forms.compiled[1])
 
-    def _moved(self, boundary: ContactBoundary) -> Array | None:
+    def moved(self, boundary: ContactBoundary) -> Array | None:
         """How far foundations have moved at contact points since ``advance``, shape (n, d); None: they have not."""
         return self.foundations.moved(boundary)
 

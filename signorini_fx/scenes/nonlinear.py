@@ -20,7 +20,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody
 from signorini_fx.forms.nonlinear.linearised import State
-from signorini_fx.forms.nonlinear.load_continuation import Continuation, Way
+from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.solver import StepBeginning
@@ -156,7 +156,7 @@ class ProblemOfScene(NonlinearContactProblem):
         failures = list[Finding]()
         try:
             with self._as_convergence_error():
-                self._ran = Continuation(self._solver, Way(self.statement.path, self.go_to))
+                self._ran = Continuation(self._solver, self.statement.path, self.go_to)
                 self._ran.all(on_step, stored)
         except ConvergenceError as error:
             if self._solver.solved is None:  # not even the body before the first one can be shown
@@ -287,7 +287,7 @@ class BodyOfScene(ResidualBody):
     states: StatesOnPath
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> NonlinearStresses:
-        path = [(load_step.displacement, load_step.place) for load_step, _ in self.at_steps]
+        path = [(load_step.displacement, load_step.place) for load_step, _ in self.ends]
         last = next((number for number, (displacement, _) in enumerate(path) if displacement is y), None)
         return NonlinearStresses.of(self, self.states, [(y, step)] if last is None else path[: last + 1])
 

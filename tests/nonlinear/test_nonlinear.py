@@ -186,7 +186,7 @@ def test_certificate_notices_what_is_wrong():
 
     def judged(of=lambda tractions: tractions):
         mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
-        return certified(u, mechanics, linear, of(Tractions.of(problem.state)), linear.previous_step)
+        return certified(u, mechanics, linear, of(Tractions.of(problem.state)))
 
     from dataclasses import replace
 

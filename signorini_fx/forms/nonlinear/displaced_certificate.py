@@ -20,16 +20,13 @@ from signorini_fx.algebra import Settings
 from signorini_fx.forms.given_forms import Facets, conditions_of
 from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.moving_shapes import motion_at
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.loads.supports import prescribed
-from signorini_fx.mechanics.obstacles.foundations_on_points import ShapeDistances
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.certificate.pair_points import FrozenPoints, PairPoints, SlidingPoints
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.resultants import ActingForces
@@ -45,13 +42,11 @@ class ResidualMechanics:
     Attributes:
         forces: the residual as forces on the body without contact.
         contact: what holds at the contact points, met at the displaced points; None: there is no contact.
-        boundaries: the facets of each part of the boundary that was given a name.
         fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
     """
 
     forces: Balance
     contact: ContactConditions | None
-    boundaries: Mapping[str, Facets]
     fixed: npt.NDArray[np.bool_]
 
 
@@ -60,15 +55,15 @@ class ResidualBody(SolidBody):
     """A body that its residual says all of, at the displacements of its load steps.
 
     Attributes:
-        at_end: what it says at the last one.
-        at_steps: each load step with what it says there; none: there is the last one alone.
+        ends: each load step with what it says there, the last one at least.
+        boundaries: the facets of each part of the boundary that was given a name.
         stress_error: gives what cells have of the error of the stress at the last one, see ``stress_error``.
     """
 
     no_bounds: ClassVar[str] = "a nonlinear body has no guaranteed bound"
 
-    at_end: ResidualMechanics
-    at_steps: Sequence[tuple[StepResult, ResidualMechanics]] = ()
+    ends: Sequence[tuple[StepResult, ResidualMechanics]]
+    boundaries: Mapping[str, Facets]
     stress_error: Callable[[], Array | str] = lambda: "there is no estimate of the error"
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
@@ -83,18 +78,15 @@ class ResidualBody(SolidBody):
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         """At the supports; which loads act is known to the residual alone."""
         end = self._at(y)
-        return acting_on(end.forces, end.boundaries, end.fixed, (), displaced=True)
+        return acting_on(end.forces, self.boundaries, end.fixed, (), displaced=True)
 
     def _at(self, y: fem.Function) -> ResidualMechanics:
-        """That of the load step with a displacement."""
-        return next((mechanics for load_step, mechanics in self.at_steps if load_step.displacement is y), self.at_end)
+        """That of the load step with a displacement, or of the last one."""
+        return next((end for load_step, end in self.ends if load_step.displacement is y), self.ends[-1][1])
 
 
 def mechanics_at(
-    u: fem.Function,
-    residual: Array,
-    linear: LinearisedProblem,
-    lost: Array | None = None,
+    u: fem.Function, residual: Array, linear: LinearisedProblem, lost: Array | None = None
 ) -> ResidualMechanics:
     """The forces on a body and its contact at a displacement, where F is ``residual`` and its round-off ``lost``,
     None: not known, forces at the owned unknowns; ``linear``: of the last iteration; collective.
@@ -103,26 +95,19 @@ def mechanics_at(
     fixed, values = prescribed(space, conditions_of(linear.bcs, space))
     forces = residual.reshape(-1, space.mesh.geometry.dim)
     nothing = np.zeros_like(forces)
-    known = nothing if lost is None else lost.reshape(forces.shape)
-    supports = prescribed_nodes(fixed, values, space)
     balance = Balance(
         BodyNodes(space),
         forces,
         nothing,
-        supports,
+        prescribed_nodes(fixed, values, space),
         scales,
         scales,
         nothing,
-        lost=known,
+        lost=nothing if lost is None else lost.reshape(forces.shape),
         with_loads=True,
         displaced=bool(linear.shapes or linear.pairs),
     )
-    return ResidualMechanics(
-        balance,
-        conditions_at(u, linear, fixed, values) if linear.stated else None,
-        linear.forms.boundaries,
-        fixed,
-    )
+    return ResidualMechanics(balance, conditions_at(u, linear, fixed, values) if linear.stated else None, fixed)
 
 
 def conditions_at(
@@ -132,54 +117,36 @@ def conditions_at(
     maps of pairs; ``fixed``: which dofs are prescribed, and to what, shapes (dofs,); collective.
     """
     linear.slide()
-    places, data, foundations = (
-        u.x.array.reshape(-1, u.function_space.mesh.geometry.dim),
-        [*linear.data],
-        linear.foundations,
-    )
+    data, foundations = [*linear.data], linear.foundations
+    places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
     for number, moving in linear.shapes.items():
         gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
-        moved = [tool.at(moving.x) for tool in linear.moving_tools.motions if number in tool.body.parts]
-        at_nodes = places[moving.nodes]
-        gap[moving.nodes], along[moving.nodes] = moving.projected_onto(at_nodes, sum(moved, np.zeros_like(at_nodes)))
-        distances = ShapeDistances(data[number].shape.factor, along, data[number].shape.axes)
-        data[number] = replace(data[number], gap=gap, shape=distances)
+        gap[moving.nodes], along[moving.nodes] = moving.projected_onto(places[moving.nodes], linear=False)
+        data[number] = replace(data[number], gap=gap, shape=replace(data[number].shape, direction=along))
     for number in linear.pairs:  # their distance is that of the map
         allowance = data[number].allowance
         assert allowance is not None
         data[number] = replace(data[number], gap=allowance)
-    owned, at_rest = u.function_space.dofmap.index_map.size_local, foundations.at_rest(fixed, values)
-    shapes = [entry.shape for entry in data]
-    boundary = foundations.boundary(shapes, fixed[: owned * places.shape[1]], at_rest=at_rest)
-    boundary = linear.rigid.on(boundary)
+    boundary = linear.points([entry.shape for entry in data], fixed, values)
     regularised, law = foundations.problem(boundary, data, Settings.of(linear.settings), linear.scales)
     pairs: dict[int, PairPoints] = {number: FrozenPoints(pair) for number, pair in foundations.pairs.items()}
-    for number, pair in linear.pairs.items():
-        pairs[number] = SlidingPoints(copy(pair))
+    pairs |= {number: SlidingPoints(copy(pair)) for number, pair in linear.pairs.items()}
     return ContactConditions(boundary, regularised.gap, law, regularised.bilateral, pairs)
 
 
 def certified(
-    u: fem.Function,
-    mechanics: ResidualMechanics,
-    linear: LinearisedProblem,
-    tractions: Tractions,
-    before: PreviousStep | None,
+    u: fem.Function, mechanics: ResidualMechanics, linear: LinearisedProblem, tractions: Tractions
 ) -> Certificate:
     """Check equilibrium and contact conditions at a displacement; ``linear``: of the last iteration; ``tractions``:
-    what the solver claims; ``before``: the end of the last step; collective.
+    what the solver claims; collective.
     """
-    space, tools = u.function_space, linear.moving_tools
+    tools, before = linear.moving_tools, linear.previous_step
     rigid = [*zip(tools.motions, tools.drives(), strict=True)]
-    places = u.x.array.reshape(-1, space.mesh.geometry.dim)
     if before is not None:
-        points, begun = before.tractions, before.displacement.x.array.reshape(places.shape)
-        x = node_positions(space)[points.nodes, : places.shape[1]].astype(np.float64)
-        moved = motion_at(points, x, linear.shapes, begun)
-        signed = [(motion, -1.0) for motion in tools.motions] + [(motion, 1.0) for motion in before.rigid]
-        if moved is not None:
-            for tool, sign in signed:  # beyond what they tell of the undeformed points
-                touching = np.isin(points.part, tool.body.parts)
-                moved[touching] += sign * tool.at(x[touching])
+        boundary, moved = linear.state.boundary, linear.moved(linear.state.boundary)
+        signed = [(tool, -1.0) for tool in tools.motions] + [(tool, 1.0) for tool in before.rigid]
+        for tool, sign in [] if moved is None else signed:  # beyond what they tell of the undeformed points
+            touching = np.isin(boundary.part, tool.body.parts)
+            moved[touching] += sign * tool.at(boundary.x[touching])
         before = replace(before, moved=moved)
     return judged(u, mechanics.forces, mechanics.contact, tractions, law=linear.law, before=before, rigid=rigid)

@@ -21,7 +21,7 @@ from dolfinx import fem
 
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.task import Outcome, Start
-from signorini_fx.algebra.contact.active_sets import ActiveSets
+from signorini_fx.algebra.contact.active_sets import ActiveSets, classify
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
@@ -42,7 +42,6 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     turned_slips,
 )
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
-from signorini_fx.forms.nonlinear.retained_points import RetainedPoints
 from signorini_fx.forms.solver import FormSolver, StepBeginning, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
@@ -66,10 +65,7 @@ from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
-from signorini_fx.tuned import (
-    NO_FORCE,
-    UNITS_OF_NO_LOAD,
-)
+from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 
 Array = npt.NDArray[np.float64]
 
@@ -229,8 +225,9 @@ class LinearisedProblem(FormSolver):
     residual: Array | None = None
     several = False
     bodies: tuple[str, ...] = ()
-    _retained: RetainedPoints
     _keeps = False  # whether the next solve keeps the stiffness of the last one
+    _retains_all = True  # while no tangent is solved for, or where the choice of ``_far_points`` left out too many
+    _farthest = 0.0  # the largest increment of this load so far, length
     _round_off: float | None = None  # see ``_lost``, of the present load
     _foundations_class = MovingFoundations
     foundations: MovingFoundations
@@ -261,7 +258,6 @@ class LinearisedProblem(FormSolver):
             (petsc_options_prefix, petsc_options),
         )
         self._evaluated, mesh = evaluated, at.function_space.mesh
-        self._retained = RetainedPoints(at)
         dim = mesh.geometry.dim
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative: Array | None = None  # see ``MovingTools.relative_stiffness``
@@ -279,9 +275,7 @@ class LinearisedProblem(FormSolver):
         def seen() -> tuple[Array, Array]:
             moving = self.shapes[number]
             moving.added = self._added_to_distance(number)
-            u, carried = self.places[moving.nodes], self.moving_tools.motions
-            moved = [tool.linear_at(moving.x + u) for tool in carried if number in tool.body.parts]
-            return moving.projected_onto(u, sum(moved, np.zeros_like(u)))
+            return moving.projected_onto(self.places[moving.nodes])
 
         return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
 
@@ -412,7 +406,7 @@ class LinearisedProblem(FormSolver):
         if self.relative is not None and len(self.relative) == boundary.size:
             beside["relative"] = self.relative
         if definite:
-            beside["far"] = self._retained.far_points(boundary, self._state, self.shapes, self.prescribed)
+            beside["far"] = self._far_points(boundary)
         try:
             points = boundary if self.contact else None
             return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, settings, **beside)
@@ -458,7 +452,7 @@ class LinearisedProblem(FormSolver):
     def _size(self) -> float:
         return self.extent
 
-    def _moved(self, boundary: ContactBoundary) -> Array | None:
+    def moved(self, boundary: ContactBoundary) -> Array | None:
         return motion_at(boundary, boundary.x, self.shapes, self._begun_places)
 
     @property
@@ -493,7 +487,9 @@ class LinearisedProblem(FormSolver):
     def begin_anew(self) -> None:
         """A new load: the tangent is definite until a factorisation refuses it."""
         self.definite, self._round_off = True, None
-        self._retained.begin_anew()
+        self._expected, self._farthest = self._farthest, 0.0
+        self._near: npt.NDArray[np.bool_] | None = None
+        self._last_values: Array | None = None  # of the displacement in the last iteration
 
     @property
     def can_keep_stiffness(self) -> bool:
@@ -545,20 +541,69 @@ class LinearisedProblem(FormSolver):
             raise ConvergenceError(self, why)
 
     def attempt(self) -> str:
-        self._retained.all = False
+        self._retains_all = False
         try:
             return super().attempt()
         finally:
-            self._retained.all = True
+            self._retains_all = True
 
     def _outcome_of_now(self) -> Outcome:
-        """Once more with more points if one has touched that was taken to be far."""
+        """Once more with all points if one has touched that was taken to be far."""
         outcome = super()._outcome_of_now()
-        if not self._retained.suffice(self.elastic.far, self.begun, outcome):
-            self._last_pattern = None
+        system = outcome.problem.system
+        # Other systems reach all points, and so does a condensed one of a body that only contact holds.
+        if isinstance(system, CondensedSystem) and system.elasticity.far is not None and self._far_touch(outcome):
+            self._retains_all, self._last_pattern = True, None
             self.begun = self.begin_step()
             outcome = super()._outcome_of_now()
         return outcome
+
+    def _far_points(self, boundary: ContactBoundary) -> tuple[npt.NDArray[np.bool_], fem.Function] | None:
+        """Which points are farther from their shapes than an increment may bring them, shape (n,), and the displacement
+        of now; None: none is.
+
+        The dense matrix of a body in 3D on one rank does without them, as in 3D the contact boundary has far more nodes
+        than the contact; elsewhere dense matrices are small, or none.
+        """
+        state, values, dim = self._state, self._at.x.array, boundary.x.shape[1]
+        plain = boundary.averages.shares.nnz == boundary.size > 0 and boundary.moving is None and not boundary.paired
+        known = state is not None and state.boundary.size == boundary.size
+        if dim != 3 or boundary.comm.size > 1 or self._retains_all or not plain or not known:
+            return None
+        assert state is not None
+        distance, added = np.full(boundary.size, -np.inf), np.zeros(len(self.places))
+        for number, moving in self.shapes.items():
+            points = np.flatnonzero(boundary.part == number)
+            nodes, added[moving.nodes] = boundary.nodes[points], moving.added
+            distance[points] = moving.shape.distance(boundary.x[points] + self.places[nodes])[0] + added[nodes]
+        # As far as shapes are inside, supports move now, or the last increment, or the last load, has moved anything.
+        fixed, to = self.prescribed
+        increments = [np.abs(to - values)[fixed], -distance[np.isfinite(distance)]]
+        if self._last_values is None:
+            increments.append(np.array([self._expected]))
+        else:
+            increments.append(np.abs(values - self._last_values))
+            self._farthest = max(self._farthest, float(increments[-1].max(initial=0.0)))
+        near = state.in_contact | (state.shear != 0.0).any(axis=1)  # a shear may act without contact
+        near |= distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments)
+        if self._near is not None and self._near.size == near.size:
+            near |= self._near
+        near[distance.argmin()] = True  # a dense matrix of nothing is none
+        self._near, self._last_values = near, values.copy()
+        return None if near.all() else (~near, self._at)
+
+    def _far_touch(self, outcome: Outcome) -> bool:
+        """Whether an outcome may be another one than that of all points."""
+        far, system, problem, sets = self.elastic.far, outcome.problem.system, outcome.problem, self.begun.sets
+        assert far is not None
+        if outcome.status is not Status.CONVERGED or (sets is not None and bool((sets.contact & far[0]).any())):
+            return True
+        system.find_far_points(outcome.newton.x)
+        touching = classify(problem.sets, *system.contact.traces(outcome.newton.x), problem.data).contact
+        touching |= problem.sets.contact  # from where they were before
+        if problem.data.bound is not None:
+            touching |= problem.data.bound > 0.0  # such as that of Tresca, which acts without contact
+        return bool((touching & far[0]).any())
 
     def leave_open(self, status: Status) -> None:
         """Make the displacement of now, without any contact, the last result, of a solve with this end; collective."""

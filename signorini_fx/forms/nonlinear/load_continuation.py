@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -29,24 +30,11 @@ class Way(PathIncrements):
     """A way along a path: a step without a solution is halved, and after an easy one the next is larger.
 
     To begin with there is one step for each time of the path, or as many as its ramp has.  The first step begins at
-    time 0 if it is halved.  ``apply``: changes a problem to what it is at a place.
+    time 0 if it is halved.
     """
-
-    def __init__(self, path: LoadPath, apply: Callable[[float], object]) -> None:
-        super().__init__(path)
-        self.apply = apply
-
-    def named(self, end: float, step: StepResult) -> StepResult:
-        """The result of a step that ends at a place."""
-        return replace(step, place=end, time=self.path.time_at(end), name=self.path.name_at(end))
-
-    def shown(self, place: float) -> str:
-        """The time of a place, in words."""
-        return f"time {self.path.time_at(place):g}"
 
     @property
     def _smallest(self) -> float:
-        """Size below which no step is halved."""
         return ENCLOSED * self.nominal
 
     @property
@@ -63,21 +51,24 @@ class Way(PathIncrements):
 
 
 class Continuation(Stepping[StepResult]):
-    """Goes through the load steps of a way, each of which an ``EquilibriumSolver`` attempts.
+    """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts.
 
     What has no solution, and cannot be shortened any more, ends it with NoEquilibrium or FormError.
 
+    Args:
+        solver: attempts them.
+        path: the load steps.
+        apply: changes the problem to what it is at a place.
+
     Attributes:
-        steps: those with a solution.
-        mechanics: the same with what the residual says of them.
+        ends: those with a solution, with what the residual says of them.
     """
 
-    def __init__(self, solver: EquilibriumSolver, way: Way) -> None:
-        solver.begin_path(several=way.path.several)
-        self.solver, self.way = solver, way
+    def __init__(self, solver: EquilibriumSolver, path: LoadPath, apply: Callable[[float], object]) -> None:
+        solver.begin_path(several=path.several)
+        self.solver, self.way, self._apply = solver, Way(path), apply
         self.history, self.timings = solver.linear.history, solver.timings
-        self.steps = list[StepResult]()
-        self.mechanics = list[tuple[StepResult, ResidualMechanics]]()
+        self.ends = list[tuple[StepResult, ResidualMechanics]]()
         self._solves_before = len(self.history.iterations)
 
     @property
@@ -85,59 +76,68 @@ class Continuation(Stepping[StepResult]):
         return self.way.ended
 
     def solved(self) -> StepResult | None:
-        begun, history, way = self.solver.snapshot(), self.history, self.way
-        end, number = way.next, len(self.steps) + 1
-        if way.path.several:
-            history.add(StepRecord(number, way.path.name_at(end), way.path.time_at(end)))
+        begun, solver, way = self.solver.snapshot(), self.solver, self.way
+        if (path := way.path).several:
+            self.history.add(StepRecord(len(self.ends) + 1, path.name_at(way.next), path.time_at(way.next)))
         try:
-            way.apply(end)
-            self.solver.attempt(final=not way.may_halve)
-            self.solver.take()
+            self._apply(way.next)
+            solver.attempt(final=not way.may_halve)
+            solver.take()
         except Exception as error:
             self._give_up(begun, error)
             return None
-        way.accept(self.solver.iterations)
-        return self.end_step(end)
+        end = way.next
+        way.accept(solver.iterations)
+        return self._end_step(end)
 
     def _give_up(self, begun: State, error: Exception) -> None:
         """Go back to where a failed step has begun, and halve it, or raise why there is no solution; collective."""
-        solver, way, history = self.solver, self.way, self.history
-        status = solver.status
+        solver, way, status = self.solver, self.way, self.solver.status
         final = not way.may_halve or status in FINAL
         if status is not None and solver.without:
             status = Status.LIMIT
         if final and isinstance(error, NoEquilibrium) and solver.solved is None:
             assert status is not None
-            solver.take_before(status, len(history.iterations) - self._solves_before)
+            solver.take_before(status, len(self.history.iterations) - self._solves_before)
             if (before := solver.solved) is not None:
-                solver.solved = replace(before, step=way.named(way.next, before.step))
-        solver.begin_again(begun, lambda: way.apply(way.reached))
-        end, reached = way.shown(way.next), way.shown(way.reached)
-        history.add(f"{end} is given up, back at {reached}: {error}")
+                solver.solved = replace(before, step=self._named(way.next, before.step))
+        self._begin_again(begun)
+        end, reached = (f"time {way.path.time_at(place):g}" for place in (way.next, way.reached))
+        self.history.add(f"{end} is given up, back at {reached}: {error}")
         if not isinstance(error, NoEquilibrium | FormError):
             raise error
         if not final:
             way.halve()
-        else:
-            last = f"there is a solution at {reached}" if self.steps else "there is no solution before it"
-            if isinstance(error, FormError):
-                reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
-                raise FormError(reasons, error.source) from error.__cause__
-            assert status is not None
-            solver.status, advice = status, status.advice
-            text = f"{solver.failure}: at {end}; {last}"
-            if status is Status.LIMIT:
-                text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
-            raise NoEquilibrium(f"{text}. {advice[0].upper()}{advice[1:]}") from error.__cause__
+            return
+        last = f"there is a solution at {reached}" if self.ends else "there is no solution before it"
+        if isinstance(error, FormError):
+            reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
+            raise FormError(reasons, error.source) from error.__cause__
+        assert status is not None
+        solver.status, advice = status, status.advice
+        text = f"{solver.failure}: at {end}; {last}"
+        if status is Status.LIMIT:
+            text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
+        raise NoEquilibrium(f"{text}. {advice[0].upper()}{advice[1:]}") from error.__cause__
 
-    def end_step(self, end: float) -> StepResult:
+    def _begin_again(self, begun: State) -> None:
+        """Go back to where a step has begun, with its load and its shapes; collective."""
+        self._apply(self.way.reached)
+        for number, shape in begun.shapes.items():
+            self.solver.linear.shapes[number].shape = shape
+        self.solver.go_back(begun)
+
+    def _named(self, end: float, step: StepResult) -> StepResult:
+        path = self.way.path
+        return replace(step, place=end, time=path.time_at(end), name=path.name_at(end))
+
+    def _end_step(self, end: float) -> StepResult:
         """Make the last solution that of a step, and begin the next one; ``end``: where the step ends; collective."""
         solved = self.solver.solved
         assert solved is not None
-        step = self.way.named(end, replace(solved.step, step=len(self.steps) + 1))
+        step = self._named(end, replace(solved.step, step=len(self.ends) + 1))
         self.solver.solved = replace(solved, step=step)
-        self.steps.append(step)
-        self.mechanics.append((step, solved.mechanics))
+        self.ends.append((step, solved.mechanics))
         self.solver.advance()
         return step
 
@@ -152,7 +152,7 @@ class Continuation(Stepping[StepResult]):
             "newton": solver.iterations,
             "path": self.way.stored(),
             "linear_solves": step.linear_solves,
-            "coordinates": {_SOLUTION: linear.moving_tools.coordinates.tolist(), _TANGENT: coordinates.tolist()},
+            "coordinates": {_SOLUTION: linear.foundations.coordinates.tolist(), _TANGENT: coordinates.tolist()},
             "definite": bool(linear.definite),
             "symmetric": bool(linear.symmetric),
         }
@@ -164,50 +164,46 @@ class Continuation(Stepping[StepResult]):
 
     def recalled(self, checkpoint: MeshCheckpoint) -> StepResult | None:
         """It is certified anew."""
-        solver, way, number = self.solver, self.way, self.solver.linear.step
-        history, timings = self.history, self.timings
+        solver, number, history = self.solver, self.solver.linear.step, self.history
         figures = checkpoint.figures(number)
         if figures is None:
             return None
         begun, end = solver.snapshot(), float(figures["place"])
-        with timings.phase("restart"):
-            way.apply(end)
+        with self.timings.phase("restart"):
+            self._apply(end)
             fits = self._fits(checkpoint, figures)
+        if fits and (status := solver.certify(begun)) is Status.CONVERGED:
+            solver.status, solver.iterations = status, figures["newton"]
+            solver.linear_solves = figures["linear_solves"]
+            solver.take()
+            checkpoint.recall_history(figures, history, self.timings)
+            self.way.resume(figures["path"])
+            return self._end_step(end)
         if fits:
-            if (status := solver.certify(begun)) is Status.CONVERGED:
-                solver.status, solver.iterations = status, figures["newton"]
-                solver.linear_solves = figures["linear_solves"]
-                solver.take()
-                checkpoint.recall_history(figures, history, timings)
-                way.resume(figures["path"])
-                return self.end_step(end)
             history.add(f"restart: load step {number + 1}: {status.value}: it is solved again")
             checkpoint.forget(number)
-        solver.begin_again(begun, lambda: way.apply(way.reached))
+        self._begin_again(begun)
         return None
 
     def _fits(self, checkpoint: MeshCheckpoint, figures: Figures) -> bool:
         """Take the displacement and the contact of the next load step from a checkpoint, if they fit; collective."""
         linear, residual = self.solver.linear, self.solver.residual
-        number, tools = linear.step, linear.foundations
-        fields = checkpoint.beside(number, linear.space, (_SOLUTION, _TANGENT))
+        fields = checkpoint.beside(linear.step, linear.space, (_SOLUTION, _TANGENT))
         if fields is None:
-            checkpoint.forget(number)
+            checkpoint.forget(linear.step)
             return False
         solution, tangent = fields
         at_solution, at_tangent = (np.array(figures["coordinates"][name]) for name in (_SOLUTION, _TANGENT))
-        try:
-            if residual.at(tangent.x.array.copy()) is None:
-                return False
-            tools.carry_to(at_tangent)
-            linear.begin_at_tangent(definite=figures["definite"], symmetric=figures["symmetric"])
-            start = replace(linear.begun, place=float(figures["place"]), factors=np.ones(1))
-            outcome = checkpoint.recall(linear.elastic, linear.scales.size, linear.task, start)
-        except (FormError, MatrixError, PairingError):
-            return False
+        outcome = None
+        with suppress(FormError, MatrixError, PairingError):
+            if residual.at(tangent.x.array.copy()) is not None:
+                linear.foundations.carry_to(at_tangent)
+                linear.begin_at_tangent(definite=figures["definite"], symmetric=figures["symmetric"])
+                start = replace(linear.begun, place=float(figures["place"]), factors=np.ones(1))
+                outcome = checkpoint.recall(linear.elastic, linear.scales.size, linear.task, start)
         if outcome is None:
             return False
         linear.accept(outcome)
-        tools.carry_to(at_solution)
+        linear.foundations.carry_to(at_solution)
         residual.u.x.array[:] = solution.x.array
         return True

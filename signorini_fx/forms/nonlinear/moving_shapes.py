@@ -59,6 +59,7 @@ class MovingShape:
         nodes: of the foundation, local numbers, ghosts included, shape (n,).
         x: their initial positions, length, shape (n, d).
         turns: whether forces may turn it, see ``fitting``.
+        motion: by which forces have moved it; None: by none.
     """
 
     shape: Shape
@@ -67,6 +68,7 @@ class MovingShape:
     nodes: npt.NDArray[np.int64]
     x: Array
     turns: bool = True
+    motion: ToolMotion | None = None
     _home: Shape = field(init=False)  # where it is without what forces have moved it by
 
     def __post_init__(self) -> None:
@@ -79,9 +81,9 @@ class MovingShape:
             return self.shape
         return self.shape.model_copy(update={"shift": self._home.shift, "rotation": self._home.rotation})
 
-    def carry_to(self, motion: RigidBodyMotion) -> None:
+    def carry_to(self, motion: ToolMotion) -> None:
         """Put a shape that forces move where its rigid body is."""
-        home, turn, dim = self._home, motion.rotation, motion.reference.size
+        self.motion, home, turn, dim = motion, self._home, motion.rotation, motion.reference.size
         about = home.reference(dim) - motion.reference
         shift = np.zeros(dim) if home.shift is None else np.array(home.shift, dtype=np.float64)
         moved = shift + motion.translation + (turn_of(turn) - np.eye(dim)) @ about
@@ -90,11 +92,14 @@ class MovingShape:
             update["rotation"] = turned_further(home.angles(), turn, self.shape.angles())
         self.shape = self.shape.model_copy(update=update)
 
-    def projected_onto(self, u: Array, moved: Array) -> tuple[Array, Array]:
+    def projected_onto(self, u: Array, *, linear: bool = True) -> tuple[Array, Array]:
         """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors, shape (n, d), at nodes
-        displaced by u; ``moved``: by which forces have moved the shape there, both lengths, shape (n, d).
+        displaced by u, shape (n, d); of a shape that forces move it is linear in all unknowns, if ``linear``.
         """
-        signed, normal = self.shape.distance(self.x + u)
+        places, moved = self.x + u, np.zeros_like(u)
+        if self.motion is not None:
+            moved = self.motion.linear_at(places) if linear else self.motion.at(self.x)
+        signed, normal = self.shape.distance(places)
         return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, u - moved)), -normal
 
     def curvature(self, places: Array, size: float) -> Array:

@@ -172,8 +172,7 @@ class EquilibriumSolver:
         self._tried = None
         solves = len(self.linear.history.iterations)
         try:
-            with self.timings.phase("iterate"):
-                status = self._iterate()
+            status = self._ended("iterate", self._iterate)
             if status is Status.CONVERGED and self._hidden:
                 status = Status.NO_DIGIT
             elif status is Status.CONVERGED and self.asks_stability:
@@ -196,8 +195,22 @@ class EquilibriumSolver:
         collective.
         """
         self.last = self.last or begun
-        with self.timings.phase("certify"):
-            return self._judge()
+        return self._ended("certify", lambda: self._judge(self.residual.at(self.u.x.array.copy())))
+
+    def _ended(self, phase: str, solve: Callable[[], Status]) -> Status:
+        """How something ends that may not be able to go on; collective."""
+        try:
+            with self.timings.phase(phase):
+                return solve()
+        except PairingError as error:
+            self._detail = str(error)
+            return Status.FOLDED
+        except ConvergenceError as error:
+            return self._not_solved(error.solution.status)
+        except MatrixError as error:
+            if error.fault != NOT_FINITE:
+                raise
+            return Status.NOT_FINITE
 
     def take(self) -> None:
         """Make what there is now the last solution; collective."""
@@ -240,13 +253,6 @@ class EquilibriumSolver:
         with suppress(FormError):  # before the first solution it may not be possible
             self.residual.updated()
 
-    def begin_again(self, begun: State, load: Callable[[], object]) -> None:
-        """Go back to where a step has begun, with its load and its shapes; collective."""
-        load()
-        for number, shape in begun.shapes.items():
-            self.linear.shapes[number].shape = shape
-        self.go_back(begun)
-
     # --- Newton's method ----------------------------------------------------------------------------------------------
 
     def _iterate(self) -> Status:
@@ -271,11 +277,7 @@ class EquilibriumSolver:
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
                 return Status.INVERTED
-            try:
-                linear.slide()
-            except PairingError as error:
-                self._detail = str(error)
-                return Status.FOLDED
+            linear.slide()
             keeps = keeps and linear.can_keep_stiffness
             if not keeps:
                 linear.bend()
@@ -285,12 +287,6 @@ class EquilibriumSolver:
                 increment = linear.u.x.array - old
                 at = old, increment, residual
                 length, residual = length_of_increment(linear, self.residual.at, at, search=iteration > 1)
-            except ConvergenceError as error:
-                return self._not_solved(error.solution.status)
-            except MatrixError as error:
-                if error.fault == NOT_FINITE:
-                    return Status.NOT_FINITE
-                raise
             finally:
                 linear.residual = None
             if length == 0.0:
@@ -352,27 +348,22 @@ class EquilibriumSolver:
         assert certificate is not None
         return certificate.displacement > self.farthest and certificate.placed < 1.0 <= certificate.lost
 
-    def _judge(self, residual: Array | None = None) -> Status:
-        """Whether an iterate is a solution; ``residual``: F there, evaluated last; None: not yet; collective."""
-        self._detail = self.too_large()
-        if self._detail:
-            return Status.TOO_LARGE
-        linear, values = self.linear, self.u.x.array.copy()
-        residual = self.residual.at(values) if residual is None else residual
+    def _judge(self, residual: Array | None) -> Status:
+        """Whether an iterate is a solution, where F is ``residual``, evaluated last; collective."""
         if residual is None:
             return Status.INVERTED
         assert self.last is not None
-        self._detail = overlap(self.u, linear.foundations.cells, linear.shapes, self.last)
-        if self._detail:
-            return Status.INSIDE
-        self._detail = overlap_of_bodies(self.u, linear.foundations.cells, linear.pairs, self.last)
-        if self._detail:
-            return Status.PASSED
-        try:
-            linear.slide()
-        except PairingError as error:
-            self._detail = str(error)
-            return Status.FOLDED
+        linear, last = self.linear, self.last
+        cells = linear.foundations.cells
+        for status, said in (
+            (Status.TOO_LARGE, self.too_large),
+            (Status.INSIDE, lambda: overlap(self.u, cells, linear.shapes, last)),
+            (Status.PASSED, lambda: overlap_of_bodies(self.u, cells, linear.pairs, last)),
+        ):
+            self._detail = said()
+            if self._detail:
+                return status
+        linear.slide()
         for number, pair in linear.pairs.items():
             if linear.contact[number].bilateral and (reached := pair.parted):
                 self._detail = reached
@@ -384,24 +375,7 @@ class EquilibriumSolver:
         """The certificate of what there is now, where F is ``residual``, with the forces that it is of; collective."""
         linear = self.linear
         mechanics = mechanics_at(self.u, residual, linear, lost)
-        claimed = Tractions.of(linear.state), linear.previous_step
-        return certified(self.u, mechanics, linear, *claimed), mechanics
-
-
-def share_of_increment(slope: Callable[[float], float], first: float, *, search: bool) -> float:
-    """The share to take; 0: there is none at which the slope is finite.
-
-    ``slope``: by which the energy changes at a share, infinite where it cannot be evaluated; ``first``: at 0, negative
-    where the increment goes down; ``search``: whether the slope decides, or only whether it is finite.
-    """
-    share, now = 1.0, slope(1.0)
-    steepest = WHOLE_SLOPE * abs(first) if search and first < 0 else np.finfo(float).max
-    for _ in range(LINE_SEARCH_STEPS):
-        if now <= steepest:
-            break
-        share /= 2
-        now = slope(share)
-    return share if np.isfinite(now) else 0.0
+        return certified(self.u, mechanics, linear, Tractions.of(linear.state)), mechanics
 
 
 def length_of_increment(
@@ -413,6 +387,8 @@ def length_of_increment(
 ) -> tuple[float, Array | None]:
     """The share of an increment to take, and F there; 0 and None: there is no F however short it is; collective.
 
+    It is halved where F cannot be evaluated, or the slope of the energy along it has not become smaller.
+
     ``forces_at``: see ``Residual.at``; its FormError is raised if it is there however short the increment is; ``at``:
     values of ``u`` and the increment to them, ghosts included, and F at the owned unknowns; ``search``: whether the
     slope decides, too: not where prescribed values must arrive.
@@ -423,26 +399,28 @@ def length_of_increment(
     comm, owned = moved.function_space.mesh.comm, len(residual)
     internal, turning, on_tools = linear.internal(moved)
     ahead = np.where(linear.prescribed[0][:owned], 0.0, increment[:owned])
-    # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn with the normals.
-    contact = -internal - residual
-    failed: FormError | None = None
-    forces: Array | None = None
 
-    def slope(share: float) -> float:
-        nonlocal failed, forces
+    def along(forces: Array) -> float:
+        return float(parallel.global_sum(comm, np.array(ahead @ forces)))
+
+    first = -along(internal) - on_tools
+    size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
+    search = search and first < 0 and change > CERTIFICATE_TOLERANCE * size
+    steepest = WHOLE_SLOPE * abs(first) if search else np.finfo(float).max
+    share, slope = 2.0, np.inf
+    for _ in range(LINE_SEARCH_STEPS + 1):
+        share, failed, slope = share / 2, None, np.inf
         try:
-            forces, failed = forces_at(old + share * increment), None
+            forces = forces_at(old + share * increment)
         except FormError as error:
             forces, failed = None, error
-        if forces is None:
-            return np.inf
-        along = float(parallel.global_sum(comm, np.array(ahead @ (forces + contact + share * turning))))
-        return along - (1.0 - share) * on_tools
-
-    first = -float(parallel.global_sum(comm, np.array(ahead @ internal))) - on_tools
-    size, change = (float(parallel.largest(comm, np.abs(values), 0.0)) for values in (old, increment))
-    search = search and change > CERTIFICATE_TOLERANCE * size
-    share = share_of_increment(slope, first, search=search)
-    if share == 0.0 and failed is not None:
+        if forces is not None:
+            # The contact forces of the linearised problem are - a(d, .) - R(u); along d they turn with the normals.
+            slope = along(forces - internal - residual + share * turning) - (1.0 - share) * on_tools
+        if slope <= steepest:
+            break
+    if np.isfinite(slope):
+        return share, forces
+    if failed is not None:
         raise failed
-    return share, forces
+    return 0.0, None

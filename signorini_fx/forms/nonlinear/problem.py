@@ -19,8 +19,9 @@ from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.given_forms import foundations_of, space_of, supported
+from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.load_continuation import Continuation, Way
+from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
 from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error
@@ -212,10 +213,9 @@ class NonlinearContactProblem(ProblemOfForms):
         solved = self._solver.solved
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
-        steps = self._steps if solved.step.status is Status.CONVERGED else [solved.step]
-        mechanics = [] if self._ran is None else self._ran.mechanics
+        ends = self._ends if solved.step.status is Status.CONVERGED else [(solved.step, solved.mechanics)]
         ended, spent = (self.status or Status.CONVERGED, self.findings), (self.history, self._solver.timings)
-        solution = solved.solution(self.linear.rigid, steps, mechanics, ended, spent, title)
+        solution = solved.solution(self.linear.rigid, ends, ended, spent, title)
 
         def error() -> npt.NDArray[np.float64] | str:
             """Of the body as it is now."""
@@ -233,9 +233,9 @@ class NonlinearContactProblem(ProblemOfForms):
         return solution.model, solution.table, shares, 0.5
 
     @property
-    def _steps(self) -> list[StepResult]:
-        """Those of the last ``run`` with a solution."""
-        return [] if self._ran is None else self._ran.steps
+    def _ends(self) -> list[tuple[StepResult, ResidualMechanics]]:
+        """The load steps of the last ``run`` with a solution."""
+        return [] if self._ran is None else self._ran.ends
 
     @property
     def _parts(self) -> Sequence[npt.NDArray[np.int32]]:
@@ -245,7 +245,7 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        solved, steps = self._solver.solved, self._steps
+        solved, steps = self._solver.solved, [step for step, _ in self._ends]
         ends = [*steps, *(() if solved is None else (solved.step,))]
         # Where nothing presses on a body its forces are round-off.
         pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
@@ -340,8 +340,7 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         path, clock, stored = begun_path(self.linear, path, at, folder, restart=restart)
         with self._as_convergence_error():
-            way = Way(path, lambda place: clock(path.time_at(place)))
-            self._ran = Continuation(self._solver, way)
+            self._ran = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))
             self._ran.all(on_step, stored)
         return self.solution
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -104,23 +105,24 @@ class SolvedBody:
     def solution(
         self,
         rigid: Any,
-        steps: Sequence[StepResult],
-        mechanics: Sequence[tuple[StepResult, ResidualMechanics]],
+        ends: Sequence[tuple[StepResult, ResidualMechanics]],
         ended: tuple[Status, tuple[Finding, ...]],
         spent: tuple[History, Timings],
         title: str,
     ) -> Solution:
-        """It with all that results are made of; ``steps``: of a ramp, which end with this one; none: the loop is the
-        user's own; ``ended``: how the last solve or ramp has ended, and findings; collective.
+        """It with all that results are made of; ``ends``: the load steps of a run, with what the residual says of them;
+        none: the loop is the user's own; ``ended``: how the last solve or run has ended, and findings; collective.
         """
+        steps = [step for step, _ in ends]
         names = tuple(step.name for step in steps) if any(step.name for step in steps) else ()
         path = LoadPath(tuple(step.time for step in steps), names) if steps else counted_path(self.step.step - 1)
         named = named_parts(self.forms, self.elastic.settings, ("F",))
         model = model_of(self.elastic, named, path, title, self.law, {}, rigid)
-        body = ResidualBody.of(model, at_end=self.mechanics, at_steps=tuple(mechanics))
+        ends = tuple(ends) or ((self.step, self.mechanics),)
+        body = ResidualBody.of(model, ends=ends, boundaries=self.forms.boundaries)
         (status, found), (history, timings) = ended, spent
         outcome = self.outcome, self.outcome.problem.data
-        solution = contact_solution(body, tuple(steps) or (self.step,), self.task, outcome, timings, lambda: found)
+        solution = contact_solution(body, steps or (self.step,), self.task, outcome, timings, lambda: found)
         return replace(solution, status=status, algorithm=f"newton, {solution.algorithm}", history=history)
 
 
@@ -194,9 +196,15 @@ def stress_error(
     """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; ``parts``:
     cells of each material, local numbers, ghosts included; collective.
     """
-    stress = _Stress(u, stress_of(residual, u), parts)
+    stress = SimpleNamespace(
+        displacement=u,
+        components=stress_of(residual, u),
+        parts=parts,
+        squared=lambda difference, times, dx: times * ufl.inner(difference, difference) * dx,
+        refresh=lambda step: None,
+    )
     recovery = StressRecovery(stress, lambda z: (lambda step: None, None))
-    size = float(parallel.global_sum(u.function_space.mesh.comm, np.array(stress.square())))
+    size = 2 * recovery.energy(u)
     return np.asarray(recovery.squares(u) / size) if size > 0 else "there is no stress, and no error of it"
 
 
@@ -219,33 +227,6 @@ def stress_of(residual: Any, u: fem.Function) -> fem.Function:
         stress.x.array[: values.size] = scipy.sparse.linalg.splu(mass[:owned, :owned].tocsc()).solve(values).ravel()
     stress.x.scatter_forward()
     return stress
-
-
-@dataclass(frozen=True)
-class _Stress:
-    """P as ``StressRecovery`` sees the stress of linear elasticity, see ``ElementStress``.
-
-    Attributes:
-        displacement: u.
-        components: of P, a function.
-        parts: see ``stress_error``.
-    """
-
-    displacement: fem.Function
-    components: fem.Function
-    parts: Sequence[npt.NDArray[np.int32]]
-
-    def squared(self, difference: Any, times: Any, dx: Any) -> Any:
-        """Without a compliance."""
-        return times * ufl.inner(difference, difference) * dx
-
-    def square(self) -> float:
-        """The part of this rank of the squared norm of P."""
-        with compiling():
-            return float(np.real(fem.assemble_scalar(fem.form(ufl.inner(self.components, self.components) * ufl.dx))))
-
-    def refresh(self, step: float) -> None:
-        """P is that of one load step."""
 
 
 class _GivenGradient(MultiFunction):  # type: ignore[misc]  # UFL has no types
