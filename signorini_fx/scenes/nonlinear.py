@@ -21,7 +21,7 @@ from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody
 from signorini_fx.forms.nonlinear.linearised import State
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
-from signorini_fx.forms.nonlinear.moving_shapes import fitting, not_driven
+from signorini_fx.forms.nonlinear.moving_shapes import not_driven
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import compat, parallel
@@ -257,14 +257,13 @@ class ProblemOfScene(NonlinearContactProblem):
         for number, entry in enumerate(statement.contact):
             if self.statement.contact[number].gap_timed:
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
-                self.linear.give_gap(number, gap)
+                foundations.give_gap(number, gap)
             if self.statement.contact[number].friction.timed:
                 foundations.change(number, friction=_at_its_time(entry.friction))
-        dimension = self.model.tagged.dimension
         placed = {number: moving for number, moving in self.shapes.items() if not moving.shape.driven}
         for number, moving in placed.items():
             if (entry := statement.contact[number]) is not self.statement.contact[number]:
-                moving.shape = fitting(number, entry.foundation, dimension)
+                moving.shape = entry.foundation
 
 
 @dataclass(frozen=True)

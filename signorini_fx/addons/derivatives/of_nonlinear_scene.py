@@ -18,7 +18,6 @@ import numpy.typing as npt
 from signorini_fx.addons.derivatives.adjoint import Explicit
 from signorini_fx.addons.derivatives.entries import varied
 from signorini_fx.addons.derivatives.gradient import By, ChangedStep, SolvedStep, difference, explicit
-from signorini_fx.forms.nonlinear.moving_shapes import spin_at
 from signorini_fx.mechanics.body.discretisation import held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.model import Model
@@ -168,4 +167,5 @@ class ChangedScene:
             fixed = step.earlier.body.fixed
             begun[: fixed.size][fixed] = self.values(step.preceding.path_step)[fixed]
         *_, boundary, gap, law, _, drift = touching.linear.data_now(problem.linear, begun)
-        return replace(usual, boundary=boundary, gap=gap, law=law, drift=drift, spin=spin_at(boundary, touching.shapes))
+        spin = touching.linear.foundations.spin_at(boundary)
+        return replace(usual, boundary=boundary, gap=gap, law=law, drift=drift, spin=spin)

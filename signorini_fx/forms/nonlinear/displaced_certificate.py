@@ -107,7 +107,7 @@ def mechanics_at(
         with_loads=True,
         displaced=bool(linear.shapes or linear.pairs),
     )
-    return ResidualMechanics(balance, conditions_at(u, linear, fixed, values) if linear.stated else None, fixed)
+    return ResidualMechanics(balance, conditions_at(u, linear, fixed, values) if linear.contact else None, fixed)
 
 
 def conditions_at(
@@ -121,7 +121,8 @@ def conditions_at(
     places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
     for number, moving in linear.shapes.items():
         gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
-        gap[moving.nodes], along[moving.nodes] = moving.projected_onto(places[moving.nodes], linear=False)
+        gap[moving.nodes], along[moving.nodes] = moving.projected(linear=False)
+        gap[moving.nodes] += moving.added
         data[number] = replace(data[number], gap=gap, shape=replace(data[number].shape, direction=along))
     for number in linear.pairs:  # their distance is that of the map
         allowance = data[number].allowance

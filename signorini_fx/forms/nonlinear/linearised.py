@@ -8,11 +8,10 @@ a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from types import MappingProxyType
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,12 +36,10 @@ from signorini_fx.forms.nonlinear.moving_shapes import (
     fitting,
     hessians_at,
     left_by_turning,
-    motion_at,
-    spin_at,
     turned_slips,
 )
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
-from signorini_fx.forms.solver import FormSolver, StepBeginning, options_applied
+from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
@@ -99,41 +96,45 @@ class MovingFoundations(Foundations):
     """Foundations whose shapes are seen from displaced points.
 
     Attributes:
-        sliding: the pairs, by their numbers.
-        shapes_of_tools: of the foundations, where they are, by their numbers.
         at: the displacement of now.
+        sliding: the pairs, by their numbers.
         coordinates: of tools where they are, see ``MovingTools``.
+        settled: the shapes as they were at the end of the last step, by the numbers of their foundations.
     """
 
     sliding: Mapping[int, MovingPair]
-    shapes_of_tools: Mapping[int, MovingShape] = MappingProxyType({})
-    at: fem.Function
-    coordinates: Array
-    _undeformed: dict[int, tuple[list[bytes], PairedSides]]
+    settled: dict[int, Any]
+
+    def __init__(self, *args: Any, at: fem.Function) -> None:
+        self.at, self.sliding, self._undeformed = at, {}, dict[int, tuple[list[bytes], PairedSides]]()
+        super().__init__(*args)
+        self.settle()
+        self.coordinates = np.zeros(super().rigid_bodies.fixed.size)
+
+    def _shaped(self) -> dict[int, Any]:
+        x, moving = node_positions(self._space)[:, : self._dimension].astype(np.float64), dict[int, Any]()
+        for number, distance in super()._shaped().items():
+            turns = self._contact[number].measure is None and not averaging(self._space)
+            shape = fitting(number, distance.shape, self._dimension, turns=turns)
+            nodes = self._values[number].nodes
+            moving[number] = MovingShape(shape, nodes, x[nodes], self.at, turns)
+        return moving
 
     @property
-    def settled(self) -> dict[int, Any]:
-        """The shapes as they were at the end of the last step."""
-        return {number: moving.settled for number, moving in self.shapes_of_tools.items()}
-
-    @settled.setter
-    def settled(self, shapes: dict[int, Any]) -> None:
-        for number, shape in shapes.items():
-            self.shapes_of_tools[number].settled = shape
+    def moving(self) -> dict[int, MovingShape]:
+        """The shapes by the numbers of their foundations."""
+        return self._distances  # type: ignore[return-value]
 
     def settle(self) -> None:
-        self.settled = {number: moving.shape for number, moving in self.shapes_of_tools.items()}
+        self.settled = {number: moving.shape for number, moving in self.moving.items()}
 
     @property
     def kept_pairs(self) -> dict[int, PairedSides]:
         """Pairs that keep their partners, where they are undeformed, by their numbers."""
         return {number: sides for number, (_, sides) in self._undeformed.items()}
 
-    def placed_shape(self, number: int) -> Any:
-        return getattr(self.shapes_of_tools.get(number), "shape", None)
-
     def _put(self, number: int, distance: Distance) -> None:
-        moving = self.shapes_of_tools[number]
+        moving = self.moving[number]
         if distance.shape.driven is not moving.shape.driven:
             raise FormError([(f"contact[{number}].shape", "forces move it, or they do not: that cannot change")])
         moving.shape = fitting(number, distance.shape, self._dimension, turns=moving.turns)
@@ -141,7 +142,7 @@ class MovingFoundations(Foundations):
     @property
     def driven(self) -> list[Any]:
         """As they are given."""
-        return [shape and self.shapes_of_tools[number].as_given for number, shape in enumerate(super().driven)]
+        return [shape and self.moving[number].as_given for number, shape in enumerate(super().driven)]
 
     @property
     def rigid_bodies(self) -> MovingTools:
@@ -153,7 +154,35 @@ class MovingFoundations(Foundations):
         self.coordinates = coordinates
         for tool in self.rigid_bodies.motions:
             for part in tool.body.parts:
-                self.shapes_of_tools[part].carry_to(tool)
+                self.moving[part].carry_to(tool)
+
+    def motion_at(self, boundary: ContactBoundary, begun: Array) -> Array | None:
+        """How far shapes have moved with contact points since the last step, length, shape (n, d), None: none has;
+        ``begun``: displacements of the nodes at its end, shape (nodes, d).
+        """
+        moved = {k: moving.shape for k, moving in self.moving.items() if moving.shape != self.settled[k]}
+        if not moved:
+            return None
+        motion = np.zeros_like(boundary.x)
+        for number, shape in moved.items():
+            points = np.flatnonzero(boundary.part == number)
+            # Not its closest points: a node may be inside by the penalty, or away by a gap that is added.
+            at = boundary.x[points] + begun[boundary.nodes[points]]
+            motion[points] = shape.carried_from(self.settled[number], at)
+        return motion
+
+    def spin_at(self, boundary: ContactBoundary) -> Array | None:
+        """By which rotation what each contact point touches has turned since the last step, shape (n, d, d); None:
+        nothing moves.
+        """
+        turned = {k: moving.shape.turned_from(self.settled[k], self._dimension) for k, moving in self.moving.items()}
+        turned |= {k: pair.rotation for k, pair in self.sliding.items()}
+        if not turned:
+            return None
+        rotation = np.tile(np.eye(self._dimension), (boundary.size, 1, 1))
+        for number, turn in turned.items():
+            rotation[boundary.part == number] = turn
+        return rotation
 
     def measured(self, shape: Any) -> bool:
         """Along the axis of a body of revolution alone, as forces around it cancel."""
@@ -205,13 +234,16 @@ class MovingFoundations(Foundations):
         gap[pair.sides.local_points()] += pair.opening
         return gap, allowance
 
+    def _distance_of(self, number: int) -> Array:
+        moving, at, path = self.moving[number], self._values[number], f"contact[{number}]"
+        moving.added = at(self._contact[number].gap, f"{path}.gap")[moving.nodes]
+        return at(moving, f"{path}.shape")
+
 
 class LinearisedProblem(FormSolver):
     """The contact problem of one iteration.
 
     Attributes:
-        stated: the foundations and pairs as they were given; ``contact`` has gaps and directions in place of shapes.
-        shapes: of the foundations that have one, by their numbers.
         extent: the diameter of the undeformed body, length.
         curvature: what the shapes add to the tangent.
         symmetric: whether the tangent has been symmetric so far.
@@ -229,7 +261,6 @@ class LinearisedProblem(FormSolver):
     _retains_all = True  # while no tangent is solved for, or where the choice of ``_far_points`` left out too many
     _farthest = 0.0  # the largest increment of this load so far, length
     _round_off: float | None = None  # see ``_lost``, of the present load
-    _foundations_class = MovingFoundations
     foundations: MovingFoundations
 
     def __init__(
@@ -244,12 +275,9 @@ class LinearisedProblem(FormSolver):
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        at, self.stated = evaluated.u, contact
-        self._at, increment = at, fem.Function(at.function_space)
-        self.shapes = dict[int, MovingShape]()
-        self._gaps = {k: entry.gap for k, entry in enumerate(contact) if entry.shape is not None}
-        seen = [entry if entry.shape is None else self._seen(k, entry) for k, entry in enumerate(contact)]
-        forms, increment = given_forms(tangents.leading, evaluated.form, seen, increment, boundaries=boundaries)
+        at = self._at = evaluated.u
+        increment, self._foundations_class = fem.Function(at.function_space), partial(MovingFoundations, at=at)
+        forms, increment = given_forms(tangents.leading, evaluated.form, contact, increment, boundaries=boundaries)
         super().__init__(
             replace(forms, original=(tangents.bilinear, evaluated.form)),
             increment,
@@ -262,48 +290,16 @@ class LinearisedProblem(FormSolver):
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative: Array | None = None  # see ``MovingTools.relative_stiffness``
         self.extent = super()._size()
-        foundations = self.foundations
-        self.shapes |= {k: self._shape_of(k, entry) for k, entry in enumerate(contact) if entry.shape is not None}
-        foundations.at, foundations.sliding, foundations.shapes_of_tools = at, {}, self.shapes
-        foundations._undeformed, foundations.coordinates = {}, np.zeros(0)
-        foundations.check_driven()
-        foundations.coordinates = np.zeros(foundations.rigid_bodies.fixed.size)
-
-    def _seen(self, number: int, entry: Any) -> Any:
-        """A foundation with a shape as the linearised problem has it: a gap and a direction."""
-
-        def seen() -> tuple[Array, Array]:
-            moving = self.shapes[number]
-            moving.added = self._added_to_distance(number)
-            return moving.projected_onto(self.places[moving.nodes])
-
-        return replace(entry, shape=None, gap=lambda x: seen()[0], direction=lambda x: seen()[1].T)
-
-    def _shape_of(self, number: int, entry: Any) -> MovingShape:
-        """The shape of a foundation at its nodes."""
-        space, nodes = self.space, self.foundations.nodal_values(number).nodes
-        dim, turns = space.mesh.geometry.dim, entry.measure is None and not averaging(space)
-        shape = fitting(number, entry.shape, dim, turns=turns)
-        self.foundations.check_shape(number, shape)
-        x = node_positions(space)[nodes, :dim].astype(np.float64)
-        return MovingShape(shape, shape, self._added_to_distance(number), nodes, x, turns)
-
-    def _added_to_distance(self, number: int) -> Array:
-        """What is added to the distance of a shape now, at its nodes, length, shape (n,); collective."""
-        values = self.foundations.nodal_values(number)
-        return values(self._gaps[number], f"contact[{number}].gap")[values.nodes]
-
-    def give_gap(self, number: int, gap: Any) -> None:
-        """Another gap of a contact, see ``Foundations.give_gap``; beside a shape what is added to its distance."""
-        if number in self._gaps:
-            self._gaps[number] = gap
-        else:
-            self.foundations.give_gap(number, gap)
 
     @property
     def places(self) -> Array:
         """Displacements of the nodes, shape (nodes, d)."""
         return self._at.x.array.reshape(-1, self._at.function_space.mesh.geometry.dim)
+
+    @property
+    def shapes(self) -> Mapping[int, MovingShape]:
+        """Those of foundations that have one, by their numbers."""
+        return self.foundations.moving
 
     @property
     def moving_tools(self) -> MovingTools:
@@ -453,7 +449,7 @@ class LinearisedProblem(FormSolver):
         return self.extent
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
-        return motion_at(boundary, boundary.x, self.shapes, self._begun_places)
+        return self.foundations.motion_at(boundary, self._begun_places)
 
     @property
     def _begun_places(self) -> Array:
@@ -463,7 +459,7 @@ class LinearisedProblem(FormSolver):
         return self._last.before.displacement.x.array.reshape(self.places.shape)
 
     def _spin(self, boundary: ContactBoundary) -> Array | None:
-        return spin_at(boundary, {**self.shapes, **self.pairs})
+        return self.foundations.spin_at(boundary)
 
     def _judged(self, outcome: Outcome, solves_before: int) -> None:
         """None: the solution of the nonlinear problem gets one."""
@@ -636,18 +632,9 @@ class LinearisedProblem(FormSolver):
 
     def assembled_elsewhere(self) -> LinearisedProblem:
         """A copy to be assembled in its place; the next solve of this one assembles anew."""
-        self._last_pattern = None
-        return copy(self)
-
-    @contextmanager
-    def returned_to(self, beginning: StepBeginning) -> Iterator[None]:
-        """While it is where a step begins, whatever has been advanced since."""
-        advanced = self.beginning()
-        self.return_to(beginning)
-        try:
-            yield
-        finally:
-            self.return_to(advanced)
+        self._last_pattern, other = None, copy(self)
+        other.foundations = copy(self.foundations)
+        return other
 
     def derivative_at_solution(self) -> tuple[Any, ...]:
         """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``; collective.
@@ -681,7 +668,7 @@ class LinearisedProblem(FormSolver):
         try:
             *data, boundary, gap, law = super().data_now(solved)
             begins = self._begun_places if begun is None else begun.reshape(self.places.shape)
-            motion = motion_at(boundary, boundary.x, self.shapes, begins)
+            motion = self.foundations.motion_at(boundary, begins)
             return (*data, boundary, gap, law, None, motion)
         finally:
             at[:] = kept

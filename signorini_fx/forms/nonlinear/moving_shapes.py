@@ -36,13 +36,13 @@ import numpy.typing as npt
 from dolfinx import fem
 from scipy.spatial.transform import Rotation
 
-from signorini_fx.errors import FormError, SceneError
+from signorini_fx.errors import FormError
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion, turn_of
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
-from signorini_fx.mechanics.statement.rigid_shape import Shape, distance_from
+from signorini_fx.mechanics.statement.rigid_shape import Shape
 from signorini_fx.tuned import DIFFERENCE_STEP, MOST_TURNED, NEGLIGIBLE
 
 Array = npt.NDArray[np.float64]
@@ -50,29 +50,37 @@ Array = npt.NDArray[np.float64]
 
 @dataclass
 class MovingShape:
-    """The shape of one foundation, and where it was at the end of the last step.
+    """The shape of one foundation where it is.
 
     Attributes:
         shape: where it is now.
-        settled: the same where it was.
-        added: what is added to its distance at the nodes, length, shape (n,).
         nodes: of the foundation, local numbers, ghosts included, shape (n,).
         x: their initial positions, length, shape (n, d).
+        u: the displacement of the body.
         turns: whether forces may turn it, see ``fitting``.
+        added: what is added to its distance at the nodes, length, shape (n,).
         motion: by which forces have moved it; None: by none.
     """
 
     shape: Shape
-    settled: Shape
-    added: Array
     nodes: npt.NDArray[np.int64]
     x: Array
-    turns: bool = True
+    u: fem.Function
+    turns: bool
+    added: Array = field(init=False)
     motion: ToolMotion | None = None
     _home: Shape = field(init=False)  # where it is without what forces have moved it by
 
     def __post_init__(self) -> None:
-        self._home = self.shape
+        self._home, self.added = self.shape, np.zeros(len(self.x))
+
+    def __call__(self, x: Array) -> Array:
+        """The linearised gap at the nodes, which are at x, shape (n,)."""
+        return self.projected()[0]
+
+    def direction(self, x: Array) -> Array:
+        """The direction there, shape (d, n)."""
+        return self.projected()[1].T
 
     @property
     def as_given(self) -> Shape:
@@ -92,15 +100,17 @@ class MovingShape:
             update["rotation"] = turned_further(home.angles(), turn, self.shape.angles())
         self.shape = self.shape.model_copy(update=update)
 
-    def projected_onto(self, u: Array, *, linear: bool = True) -> tuple[Array, Array]:
-        """The linearised gap, length, shape (n,), and the direction to the shape, unit vectors, shape (n, d), at nodes
-        displaced by u, shape (n, d); of a shape that forces move it is linear in all unknowns, if ``linear``.
+    def projected(self, *, linear: bool = True) -> tuple[Array, Array]:
+        """The linearised gap without what is added to it, length, shape (n,), and the direction to the shape, unit
+        vectors, shape (n, d), at the displaced nodes; of a shape that forces move linear in all unknowns, if
+        ``linear``.
         """
+        u = self.u.x.array.reshape(-1, self.x.shape[1])[self.nodes]
         places, moved = self.x + u, np.zeros_like(u)
         if self.motion is not None:
             moved = self.motion.linear_at(places) if linear else self.motion.at(self.x)
         signed, normal = self.shape.distance(places)
-        return np.asarray(signed + self.added - np.einsum("ni,ni->n", normal, u - moved)), -normal
+        return np.asarray(signed - np.einsum("ni,ni->n", normal, u - moved)), -normal
 
     def curvature(self, places: Array, size: float) -> Array:
         """The second derivatives of the distance, 1 / length, shape (n, d, d), by central differences of the normal
@@ -112,11 +122,6 @@ class MovingShape:
             ahead, behind = (self.shape.distance(places + sign * axis)[1] for sign in (1, -1))
             hessian[:, :, k] = (ahead - behind) / (2 * step)
         return np.asarray((hessian + hessian.transpose(0, 2, 1)) / 2)
-
-    @property
-    def rotation(self) -> Array:
-        """By which it has turned since the last step, shape (d, d)."""
-        return self.shape.turned_from(self.settled, self.x.shape[1])
 
 
 def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float) -> Array:
@@ -191,53 +196,19 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
     return np.asarray(np.einsum("nij,nj,nkj,nk->ni", axes, sizes / (1 + sizes), axes, slip))
 
 
-def motion_at(points: Any, x: Array, shapes: Mapping[int, MovingShape], begun: Array) -> Array | None:
-    """How far shapes have moved at contact points since the last step, length, shape (n, d); None: none has.
-
-    ``points``: with the ``part`` and the node of each, whose undeformed places are ``x``; ``begun``: displacements of
-    the nodes at the end of the last step, shape (nodes, d).
-    """
-    moved = {number: moving for number, moving in shapes.items() if moving.shape != moving.settled}
-    if not moved:
-        return None
-    motion = np.zeros_like(x)
-    for number, moving in moved.items():
-        on_part = np.flatnonzero(points.part == number)
-        at = x[on_part] + begun[points.nodes[on_part]]
-        # Not its closest points: a node may be inside by the penalty, or away by a gap that is added.
-        motion[on_part] = moving.shape.carried_from(moving.settled, at)
-    return motion
-
-
-def spin_at(boundary: ContactBoundary, moving: Mapping[int, Any]) -> Array | None:
-    """By which rotation what each contact point touches has turned since the last step, shape (n, d, d); ``moving``:
-    shapes and pairs, by the numbers of their contacts; None: there are none.
-    """
-    if not moving:
-        return None
-    rotation = np.tile(np.eye(boundary.x.shape[1]), (boundary.size, 1, 1))
-    for number, touched in moving.items():
-        rotation[boundary.part == number] = touched.rotation
-    return rotation
-
-
 def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Shape:
-    """The shape of a foundation as a user gives it, if it fits a mesh of this dimension; ``turns``: whether forces may
-    turn it: not where the contact has a measure, or points that average.
+    """The shape of a foundation, if it can meet a nonlinear body; ``turns``: whether forces may turn it: not where the
+    contact has a measure, or points that average.
 
     Raises:
-        FormError: it does not.
+        FormError: it cannot.
     """
-    try:
-        placed = distance_from(shape, dimension, turns=turns).shape
-        if isinstance(placed, Shape) and (wrong := not_driven(placed, dimension, turns=turns)):
-            raise SceneError([wrong])
-    except SceneError as error:
-        raise FormError([(f"contact[{number}].shape.{key}", reason) for key, reason in error.problems]) from None
-    if not isinstance(placed, Shape):
+    if not isinstance(shape, Shape):
         cure = "derive its class from Shape of signorini_fx.mechanics.statement.rigid_shape"
-        raise FormError([(f"contact[{number}].shape", f"{type(placed).__name__} meets a nonlinear body: {cure}")])
-    return placed
+        raise FormError([(f"contact[{number}].shape", f"{type(shape).__name__} meets a nonlinear body: {cure}")])
+    if wrong := not_driven(shape, dimension, turns=turns):
+        raise FormError([(f"contact[{number}].shape.{wrong[0]}", wrong[1])])
+    return shape
 
 
 def not_driven(shape: Shape, dimension: int, *, turns: bool = True) -> tuple[str, str] | None:

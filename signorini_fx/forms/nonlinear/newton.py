@@ -357,7 +357,7 @@ class EquilibriumSolver:
         cells = linear.foundations.cells
         for status, said in (
             (Status.TOO_LARGE, self.too_large),
-            (Status.INSIDE, lambda: overlap(self.u, cells, linear.shapes, last)),
+            (Status.INSIDE, lambda: overlap(self.u, cells, linear.shapes, linear.foundations.settled, last)),
             (Status.PASSED, lambda: overlap_of_bodies(self.u, cells, linear.pairs, last)),
         ):
             self._detail = said()

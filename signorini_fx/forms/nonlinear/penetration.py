@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +26,9 @@ Indices = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 
-def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape], last: State) -> str:
+def overlap(
+    u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape], settled: Mapping[int, Any], last: State
+) -> str:
     """Which shape, how deep and where; empty: none; collective.
 
     Before there is a solution a shape comes from where it is given, if it is outside of the body there.
@@ -34,6 +37,7 @@ def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape]
         u: the displacement of now.
         cells: of the body.
         shapes: by the numbers of their foundations.
+        settled: where they were at the end of the last step.
         last: the last solution, or what there is before.
     """
     comm, now, then = cells.space.mesh.comm, cells.placed(u.x.array), cells.placed(last.displacement)
@@ -43,7 +47,7 @@ def overlap(u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape]
         deep = cells.inside(now, moving.shape, added)
         if deep is not None:
             return f"contact[{number}]: {deep}"
-        before = last.shapes[number] if solved else moving.settled
+        before = last.shapes[number] if solved else settled[number]
         if not solved and cells.inside(then, before, added) is not None:
             continue
         deep = cells.passed((then, before), (now, moving.shape), added)

@@ -272,11 +272,9 @@ class NonlinearContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution to differentiate")
         if not self.contact:
             raise FormError([("contact", "there is none: the adjoint problem is that of the tangent alone")])
-        named, begun, linear = self.solution.model, self._solver.begun, self.linear.assembled_elsewhere()
+        named, linear = self.solution.model, self.linear.assembled_elsewhere()
         solved = linearised_at(self._solver, linear)
-        assert begun is not None
-        with linear.returned_to(begun):
-            return add_on("gradient")(of, by, lambda: named, solved, linear.data_now)
+        return add_on("gradient")(of, by, lambda: named, solved, linear.data_now)
 
     def solve(self) -> fem.Function:
         """Solve with the values that Constants, Functions, conditions and shapes have now, return ``u``; collective.
@@ -352,7 +350,7 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
     derivatives are not known; MatrixError: the tangent is not finite.
     """
     residual = solver.residual
-    for number, entry in enumerate(linear.stated):
+    for number, entry in enumerate(linear.contact):
         if entry.against is not None and not entry.bonded:
             raise FormError([(f"contact[{number}]", "derivatives are not possible yet where two bodies touch")])
     if linear.moving_tools.coordinates.size:
@@ -367,5 +365,5 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
     residual.go_to(values)
     if not solver.stability.leads(values):
         raise FormError([("J", "is not the derivative of F at the solution: leave it out, or mend it")])
-    with linear.returned_to(begun):
-        return linear.derivative_at_solution()
+    linear.return_to(begun)
+    return linear.derivative_at_solution()

@@ -81,7 +81,7 @@ class SolvedBody:
         assert linear.outcome is not None
         shapes = linear.shapes
         placed: Any = [
-            replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(linear.stated)
+            replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(linear.contact)
         ]
         number, y = linear.begun.step, u.copy()
         y.name = u.name
