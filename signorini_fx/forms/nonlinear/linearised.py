@@ -9,6 +9,7 @@ a form a(u, .) - F(u; .) would get a quadrature degree of its own, and Newton's 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -498,24 +499,18 @@ class LinearisedProblem(FormSolver):
 
         Raises ConvergenceError: there is no solution; MatrixError: the tangent is not finite, or not symmetric.
         """
-        if not (keeps_stiffness and self._solve_with_last_stiffness()):
-            self._solve()
-
-    def _solve_with_last_stiffness(self) -> bool:
-        """Whether the stiffness of the last tangent has led to a solution; else that of now is back; collective."""
-        self._keeps = True
-        try:
-            solved = not self.attempt()
-        except MatrixError:
-            solved = False
-        finally:
-            self._keeps = False
-        if not solved:
+        if keeps_stiffness:
+            self._keeps, solved = True, False
+            try:
+                with suppress(MatrixError):
+                    solved = not self.attempt()
+            finally:
+                self._keeps = False
+            if solved:
+                return
             self._last_pattern = None
             self.bend()
-        return solved
-
-    def _solve(self) -> None:
+        refused = False
         try:
             why = self.attempt()
             curved = bool(self.curvature.nodes.size or self.curvature.joint)
@@ -526,14 +521,12 @@ class LinearisedProblem(FormSolver):
         except MatrixError as error:
             if error.fault != NOT_POSITIVE:
                 raise
-        else:
-            if not why:
-                return
-            if not self.definite or self.status not in (Status.SINGULAR, Status.LINEAR_SOLVER):
-                raise ConvergenceError(self, why)
-        self.definite, self._last_pattern = False, None
-        self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
-        if why := self.attempt():
+            why, refused = error.fault, True
+        if self.definite and (refused or (why and self.status in (Status.SINGULAR, Status.LINEAR_SOLVER))):
+            self.definite, self._last_pattern = False, None
+            self.history.add("the tangent is not positive definite: it is factorised as LDL^T")
+            why = self.attempt()
+        if why:
             raise ConvergenceError(self, why)
 
     def attempt(self) -> str:

@@ -112,27 +112,20 @@ class MovingShape:
         signed, normal = self.shape.distance(places)
         return np.asarray(signed - np.einsum("ni,ni->n", normal, u - moved)), -normal
 
-    def curvature(self, places: Array, size: float) -> Array:
-        """The second derivatives of the distance, 1 / length, shape (n, d, d), by central differences of the normal
-        over a share of the ``size`` of the body.
-        """
-        dimension, step = places.shape[1], DIFFERENCE_STEP * size
-        hessian = np.zeros((len(places), dimension, dimension))
-        for k, axis in enumerate(step * np.eye(dimension)):
-            ahead, behind = (self.shape.distance(places + sign * axis)[1] for sign in (1, -1))
-            hessian[:, :, k] = (ahead - behind) / (2 * step)
-        return np.asarray((hessian + hessian.transpose(0, 2, 1)) / 2)
-
 
 def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float) -> Array:
-    """The second derivatives H of the distances at contact points, 1 / length, shape (n, d, d); zero without
-    a shape.
+    """The second derivatives H of the distances at contact points, 1 / length, shape (n, d, d), zero without a shape:
+    by central differences of normals.
     """
-    hessians = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))
+    dimension, step = boundary.x.shape[1], DIFFERENCE_STEP * size
+    hessians = np.zeros((boundary.size, dimension, dimension))
     for number, moving in shapes.items():
         points = np.flatnonzero(boundary.part == number)
-        hessians[points] = moving.curvature(boundary.x[points] + places[boundary.nodes[points]], size)
-    return hessians
+        at = boundary.x[points] + places[boundary.nodes[points]]
+        for k, axis in enumerate(step * np.eye(dimension)):
+            ahead, behind = (moving.shape.distance(at + sign * axis)[1] for sign in (1, -1))
+            hessians[points, :, k] = (ahead - behind) / (2 * step)
+    return np.asarray((hessians + hessians.transpose(0, 2, 1)) / 2)
 
 
 def curvature_of(hessians: Array, state: ContactState, *, symmetric: bool = True) -> Array:

@@ -353,12 +353,11 @@ class EquilibriumSolver:
         if residual is None:
             return Status.INVERTED
         assert self.last is not None
-        linear, last = self.linear, self.last
-        cells = linear.foundations.cells
+        linear, foundations, last = self.linear, self.linear.foundations, self.last
         for status, said in (
             (Status.TOO_LARGE, self.too_large),
-            (Status.INSIDE, lambda: overlap(self.u, cells, linear.shapes, linear.foundations.settled, last)),
-            (Status.PASSED, lambda: overlap_of_bodies(self.u, cells, linear.pairs, last)),
+            (Status.INSIDE, lambda: overlap(foundations, last)),
+            (Status.PASSED, lambda: overlap_of_bodies(foundations, last)),
         ):
             self._detail = said()
             if self._detail:

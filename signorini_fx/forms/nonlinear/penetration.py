@@ -1,23 +1,19 @@
 """Whether a rigid shape lies inside a nonlinear body, or has passed through it since the last solution, or two bodies
-have done so with each other, in words.
+have done so with each other: which contact, how deep and where, in words; "": none.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 from scipy.spatial import cKDTree
 
-from signorini_fx.forms.nonlinear.linearised import State
-from signorini_fx.forms.nonlinear.moving_shapes import MovingShape
+from signorini_fx.forms.nonlinear.linearised import MovingFoundations, State
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.obstacles.paired_points import MovingPair, SlidingSides
+from signorini_fx.mechanics.obstacles.paired_points import SlidingSides
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
 from signorini_fx.tuned import MOST_PLACES, SHAPE_INSIDE
 
@@ -26,48 +22,37 @@ Indices = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 
-def overlap(
-    u: fem.Function, cells: BodyCells, shapes: Mapping[int, MovingShape], settled: Mapping[int, Any], last: State
-) -> str:
-    """Which shape, how deep and where; empty: none; collective.
+def overlap(foundations: MovingFoundations, last: State) -> str:
+    """Of shapes, since the ``last`` solution, or what there is before; collective.
 
     Before there is a solution a shape comes from where it is given, if it is outside of the body there.
-
-    Args:
-        u: the displacement of now.
-        cells: of the body.
-        shapes: by the numbers of their foundations.
-        settled: where they were at the end of the last step.
-        last: the last solution, or what there is before.
     """
-    comm, now, then = cells.space.mesh.comm, cells.placed(u.x.array), cells.placed(last.displacement)
-    solved = last.certificate is not None
-    for number, moving in shapes.items():
-        added = parallel.largest(comm, moving.added, -np.inf)
-        deep = cells.inside(now, moving.shape, added)
-        if deep is not None:
+    cells, solved = foundations.cells, last.certificate is not None
+    now, then = cells.placed(foundations.at.x.array), cells.placed(last.displacement)
+    for number, moving in foundations.moving.items():
+        added = parallel.largest(cells.space.mesh.comm, moving.added, -np.inf)
+        if (deep := cells.inside(now, moving.shape, added)) is not None:
             return f"contact[{number}]: {deep}"
-        before = last.shapes[number] if solved else settled[number]
+        before = last.shapes[number] if solved else foundations.settled[number]
         if not solved and cells.inside(then, before, added) is not None:
             continue
-        deep = cells.passed((then, before), (now, moving.shape), added)
-        if deep is not None:
+        if (deep := cells.passed((then, before), (now, moving.shape), added)) is not None:
             return f"contact[{number}]: on its way, {deep}"
     return ""
 
 
-def overlap_of_bodies(u: fem.Function, cells: BodyCells, pairs: Mapping[int, MovingPair], last: State) -> str:
-    """Which pair, how deep and where; empty: none; collective.  For the arguments see ``overlap``.
+def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
+    """Of pairs, since the ``last`` solution, or what there is before; collective.
 
     The nodes of each side are looked for in the cells of other pieces of the mesh, at the end and on the straight way
     to it.  In contact they may be there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of a facet of
     the other side, and at the end no farther than the points of the pair look for partners.
     """
-    if not pairs:
+    if not foundations.sliding:
         return ""
-    comm, now, then = cells.space.mesh.comm, cells.placed(u.x.array), cells.placed(last.displacement)
-    piece = find_pieces(cells.space.mesh).of_cell
-    every = cells.space.dofmap.list
+    cells = foundations.cells
+    comm, now, then = cells.space.mesh.comm, cells.placed(foundations.at.x.array), cells.placed(last.displacement)
+    piece, every = find_pieces(cells.space.mesh).of_cell, cells.space.dofmap.list
     nodal = np.zeros((len(now), 1))
     nodal[every.ravel(), 0] = np.repeat(piece[: len(every)], every.shape[1])
     owned = cells.space.dofmap.index_map.size_local
@@ -75,7 +60,7 @@ def overlap_of_bodies(u: fem.Function, cells: BodyCells, pairs: Mapping[int, Mov
     total, count = parallel.global_sum(comm, np.array([lengths.sum(), lengths.size]))
     way = parallel.largest(comm, np.linalg.norm(now - then, axis=1), 0.0) / (SHAPE_INSIDE * total / count)
     steps = math.ceil(min(max(float(way), 1.0), MOST_PLACES))
-    for number, pair in pairs.items():
+    for number, pair in foundations.sliding.items():
         of_node = pair.sides.gathered(nodal[:owned])[:, 0]
         for share in np.arange(1, steps + 1) / steps:
             # Contact at the end would not see what is deeper than its reach.
@@ -96,13 +81,12 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
     near = np.flatnonzero(meets.all(axis=1))
     if not near.size:
         return within
-    corners, piece = corners[near], piece[near]
+    corners = corners[near]
     middles = corners.mean(axis=1)
     reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
     points = cKDTree(at).query_ball_point(middles, reach)
-    cell = np.repeat(np.arange(near.size), [len(numbers) for numbers in points])
-    point = np.array([number for numbers in points for number in numbers], dtype=np.int64)
-    others = piece[cell] != of_node[point]
+    cell, point = np.repeat(np.arange(near.size), list(map(len, points))), np.concatenate(points).astype(np.int64)
+    others = piece[near][cell] != of_node[point]
     cell, point = cell[others], point[others]
     on_planes, outward = cells.planes(corners)
     beyond = np.einsum("kfd,kfd->kf", at[point, None] - on_planes[cell], outward[cell])
@@ -114,15 +98,11 @@ def _deepest(sides: SlidingSides, at: Array, within: Flags, at_most: float) -> I
     """The deepest of the nodes of both sides that are in the other body, of those that are too deep: along the normal
     of the other side at its nearest node.
     """
-    count, deepest = sides.slave.nodes.size, None
-    surfaces = [
-        side.surface.displaced(x - side.surface.x)
-        for side, x in ((sides.slave, at[:count]), (sides.master, at[count:]))
-    ]
-    for surface, other, first in ((surfaces[0], surfaces[1], 0), (surfaces[1], surfaces[0], count)):
-        x = surface.x[within[first : first + len(surface.x)]]
-        if not len(x):
-            continue
+    halves, deepest = np.split(np.arange(len(at)), [sides.slave.nodes.size]), None
+    both = zip((sides.slave.surface, sides.master.surface), halves, strict=True)
+    surfaces = [surface.displaced(at[half] - surface.x) for surface, half in both]
+    for half, other in zip(halves, surfaces[::-1], strict=True):
+        x = at[half][within[half]]
         size = np.full(len(other.x), np.inf)  # of the smallest facet around each node
         extent = np.linalg.norm(np.ptp(other.corners, axis=1), axis=1) / other.functions.degree
         np.minimum.at(size, other.nodes, extent[:, None])

@@ -24,7 +24,7 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
-from signorini_fx.forms.nonlinear.results import findings_of, lost_digits, stress_error
+from signorini_fx.forms.nonlinear.results import lost_digits, slid_past_partners, stress_error
 from signorini_fx.forms.steps import begun_path
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.averages import averaging
@@ -37,7 +37,7 @@ from signorini_fx.quantities.differentiable import Gradient
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.solving.result_findings import loose_in
+from signorini_fx.solving.result_findings import loose_at_rest, loose_in, pushed_nodes
 
 # Iterations of Newton's method, unless it is said otherwise.
 MOST_ITERATIONS = 30
@@ -50,7 +50,18 @@ def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tup
         FormError: they do not.
     """
     problems = list[tuple[str, str]]()
-    problems += [fault for k, entry in enumerate(contact) if entry.sliding for fault in _faults(k, entry)]
+    kept = "give sliding = False"
+    problems += [
+        (f"contact[{k}].{key}", reason)
+        for k, entry in enumerate(contact)
+        if entry.sliding
+        for key, wrong, reason in (
+            ("gap", entry.gap != "geometry", f'must be "geometry" where sides slide, as partners change: or {kept}'),
+            ("bonded", entry.bonded, f"is not possible where sides slide: {kept}"),
+            ("adjust", entry.adjust is not None, f"is not possible where sides slide: move the meshes, or {kept}"),
+        )
+        if wrong
+    ]
     instead = "prescribe the displacement of this boundary, or tie it to a stiff body (against, sliding = False)"
     problems += [
         (f"contact[{k}].bonded", f"is not possible yet: nonlinear bodies are not tied to rigid ones: {instead}")
@@ -85,20 +96,6 @@ def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tup
     if problems:
         raise FormError(problems)
     return tuple(contact)
-
-
-def _faults(number: int, pair: Any) -> list[tuple[str, str]]:
-    """What of a pair is not possible where its sides slide on each other."""
-    path, kept = f"contact[{number}]", "give sliding = False"
-    return [
-        (f"{path}.{key}", reason)
-        for key, wrong, reason in (
-            ("gap", pair.gap != "geometry", f'must be "geometry" where sides slide, as partners change: or {kept}'),
-            ("bonded", pair.bonded, f"is not possible where sides slide: {kept}"),
-            ("adjust", pair.adjust is not None, f"is not possible where sides slide: move the meshes, or {kept}"),
-        )
-        if wrong
-    ]
 
 
 def _flat(shape: Any) -> bool:
@@ -245,12 +242,16 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What is to be known about the last solution, see ``ContactProblem``; collective."""
-        solved, steps = self._solver.solved, [step for step, _ in self._ends]
+        solved, steps, linear = self._solver.solved, [step for step, _ in self._ends], self.linear
         ends = [*steps, *(() if solved is None else (solved.step,))]
         # Where nothing presses on a body its forces are round-off.
-        pressed = [step.certificate for step in ends if not loose_in(self.linear.elastic, step)]
+        pressed = [step.certificate for step in ends if not loose_in(linear.elastic, step)]
         digits = lost_digits(pressed, self._named_residual)
-        return (*findings_of(self.linear, steps), *digits)
+        if linear.outcome is None:
+            return tuple(digits)
+        inside = pushed_nodes([linear.state], linear.scales.size)
+        loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
+        return (*inside, *slid_past_partners(linear), *loose, *digits)
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

@@ -40,7 +40,6 @@ from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
-from signorini_fx.solving.result_findings import loose_at_rest, pushed_nodes
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FACETS_OF_KEPT_PARTNERS
 
@@ -157,15 +156,6 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
         )
         findings.append(Finding("warning", "contact", message))
     return findings
-
-
-def findings_of(linear: LinearisedProblem, steps: Sequence[StepResult]) -> tuple[Finding, ...]:
-    """What is to be known about a last solution, see ``NonlinearContactProblem.findings``; collective."""
-    if linear.outcome is None:
-        return ()
-    loose = loose_at_rest(linear.elastic, steps, "contact", linear.bodies)
-    inside = pushed_nodes([linear.state], linear.scales.size)
-    return (*inside, *slid_past_partners(linear), *loose)
 
 
 def slid_past_partners(linear: LinearisedProblem) -> list[Finding]:

@@ -40,32 +40,35 @@ class Stability:
 
     def verdict(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
-        if not self.linear.factor_fits or (tangent := self._derivative()) is None:
+        if (found := self._inertia()) is None:
             return Status.STABILITY_UNKNOWN
-        self.linear.bend()
-        negative, direction = self._negative(tangent)
+        negative, direction = found
         if not negative:
             return Status.CONVERGED
         self.where = self._most_moved(direction)
         # Without an energy a symmetric part that is not definite proves nothing.
         return Status.UNSTABLE if self.linear.symmetric else Status.STABILITY_UNKNOWN
 
+    def _inertia(self) -> tuple[int, Array] | None:
+        """See ``negative_directions``, of the derivative of F at ``u``; None: it is not known; collective."""
+        if not self.linear.factor_fits or (tangent := self._derivative()) is None:
+            return None
+        self.linear.bend()
+        return self._negative(tangent)
+
     def reason_for_none(self, before: Array, tried: Array | None = None) -> str:
         """Why there may be no solution, at an iterate; empty: nothing says so; ``before``: values of ``u`` of the last
         solution; ``tried``: of where the tangent leads to, if no part of the way is possible; collective.
         """
-        u, comm, size = self.residual.u, self.linear.space.mesh.comm, self.linear.extent
+        u, comm = self.residual.u, self.linear.space.mesh.comm
         farthest = u.x.array if tried is None else tried
-        away = float(parallel.largest(comm, np.abs(farthest - before), 0.0))
-        if not away <= max(size, float(parallel.largest(comm, np.abs(before), 0.0))):
+        away, so_far = (parallel.largest(comm, np.abs(values), 0.0) for values in (farthest - before, before))
+        if not away <= max(self.linear.extent, so_far):
             return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
-            forces = self.residual.at(u.x.array.copy())
-            known = forces is not None and self.linear.outcome is not None and self.linear.factor_fits
-            if known and (tangent := self._derivative()) is not None:
-                self.linear.bend()
-                if self._negative(tangent)[0]:
-                    return "the tangent has lost its stiffness in some direction"
+            known = self.residual.at(u.x.array.copy()) is not None and self.linear.outcome is not None
+            if known and (found := self._inertia()) is not None and found[0]:
+                return "the tangent has lost its stiffness in some direction"
         return ""
 
     def leads(self, values: Array) -> bool:
@@ -75,20 +78,14 @@ class Stability:
         """
         tangents = self.tangents
         known = not tangents.given or tangents.trusted
-        return known or is_derivative(tangents.leading, self.residual, values, ~self._fixed)
-
-    @property
-    def _fixed(self) -> npt.NDArray[np.bool_]:
-        """Which of the owned unknowns are prescribed."""
-        dofmap = self.linear.space.dofmap
-        return self.linear.prescribed[0][: dofmap.index_map.size_local * dofmap.index_map_bs]
+        return known or is_derivative(tangents.leading, self.residual, values, ~self.linear.elastic.fixed)
 
     def _derivative(self) -> fem.Form | None:
         """The user's tangent if it is the derivative of F at ``u``, else that of UFL; None: neither is; collective."""
         tangents, values = self.tangents, self.residual.u.x.array.copy()
         if tangents.given and self.leads(values):
             return tangents.leading
-        fits = is_derivative(tangents.derivative, self.residual, values, ~self._fixed)
+        fits = is_derivative(tangents.derivative, self.residual, values, ~self.linear.elastic.fixed)
         return tangents.derivative if fits else None
 
     def _most_moved(self, direction: Array) -> str:
@@ -106,14 +103,14 @@ class Stability:
         Points in contact keep their distance, and those that stick their place, by springs.  The verdict does not
         depend on units: all entries that are no stiffness of the body are shares of its largest one.
         """
-        linear, space, owned = self.linear, self.linear.space, self._fixed.size
-        diagonal = np.abs(linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[:owned])
+        linear, space, fixed = self.linear, self.linear.space, self.linear.elastic.fixed
+        diagonal = np.abs(linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[: fixed.size])
         largest = parallel.largest(space.mesh.comm, diagonal, 0.0) or 1.0
         body = elastic_body(
             space,
             tangent,
             linear.bcs,
-            self._fixed,
+            fixed,
             linear.state.boundary if linear.contact else None,
             linear.settings.model_copy(update={"linear_algebra": "full"}),
             beside=linear.curvature,
@@ -131,8 +128,8 @@ class Stability:
             kept = (held.shape[1] * acts[:, None] + components).ravel() + rows.getOwnershipRange()[0]
             rows = rows.createSubMatrix(PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=matrix.comm))
             added = rows.transposeMatMult(block_diagonal(rows, springs[acts]).matMult(rows))
-            fixed = added.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
-            added.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=0.0)
+            held_rows = added.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
+            added.zeroRowsColumns(held_rows.astype(PETSc.IntType), diag=0.0)
             matrix.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         if not linear.symmetric:
             matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
@@ -140,7 +137,7 @@ class Stability:
         if linear.loose:  # bodies may move without resistance, so that a small stiffness must hold them
             matrix.shift(NO_FORCE * largest)
         negative, direction = negative_directions(matrix)
-        return negative, direction[:owned]
+        return negative, direction[: fixed.size]
 
 
 def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
