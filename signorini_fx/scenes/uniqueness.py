@@ -20,13 +20,11 @@ it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
-from scipy.linalg import LinAlgError, cholesky, eigh
+from scipy.linalg import LinAlgError, eigh, null_space
 from scipy.optimize import minimize
 
 from signorini_fx.algebra.contact.friction import PointFriction
@@ -108,117 +106,69 @@ def proved_multiple(stiffness: Nodal, operator: Nodal, law: PointFriction) -> tu
     Returns:
         The multiple, infinite where friction has no part in it; and why it is zero.
     """
-    rough = _components(stiffness, operator, law)
-    return (0.0, rough) if isinstance(rough, str) else _critical(rough, law.coefficient)
-
-
-@dataclass(frozen=True)
-class _Rough:
-    """The components of contact points that move, condensed onto: normal ones first, then those with friction;
-    ``beside``: for each tangential one the place of its point in ``normal``; ``free``: an orthonormal basis of the
-    motions without a force.
-    """
-
-    stiffness: Nodal
-    normal: npt.NDArray[np.int64]
-    tangential: npt.NDArray[np.int64]
-    beside: npt.NDArray[np.int64]
-    free: Nodal
-
-
-def _components(stiffness: Nodal, operator: Nodal, law: PointFriction) -> _Rough | str:
-    """The stiffness of normal components and of tangential ones with friction; or why there is none."""
-    coefficient, count = law.coefficient, law.coefficient.size
-    moves = np.linalg.norm(operator, axis=1) > NOTHING_LEFT
-    by_point = moves.reshape(count, -1)
+    coefficient, moves = law.coefficient, np.linalg.norm(operator, axis=1) > NOTHING_LEFT
+    by_point = moves.reshape(coefficient.size, -1)
     if ((coefficient > 0) & ~by_point[:, 0] & by_point[:, 1:].any(axis=1)).any():
-        return "a support takes the pressure at a point that friction acts on"
-    rows = operator[moves]
-    q, r = np.linalg.qr(rows.T, mode="complete")
-    r = r[: len(rows)]
-    if len(rows) > len(stiffness) or np.abs(np.diag(r)).min(initial=np.inf) <= NOTHING_LEFT:
-        return "some contact points share a node, or are held in a direction of their own"
-    # x = q1 r^-T v + q2 z, of which z has no force.
-    change = np.column_stack((np.linalg.solve(r, q[:, : len(rows)].T).T, q[:, len(rows) :]))
-    transformed = change.T @ stiffness @ change
+        return 0.0, "a support takes the pressure at a point that friction acts on"
+    if np.linalg.matrix_rank(operator[moves], tol=NOTHING_LEFT) < np.count_nonzero(moves):
+        return 0.0, "some contact points share a node, or are held in a direction of their own"
     point, component = np.nonzero(by_point)
     bonded = np.isinf(law.given[point])
-    rubs = (component > 0) & ((coefficient[point] > 0) | (law.given[point] > 0))
-    order = np.concatenate((np.flatnonzero((component == 0) & ~bonded), np.flatnonzero(rubs & ~bonded)))
-    eliminated = np.setdiff1d(np.arange(len(transformed)), np.concatenate((order, np.flatnonzero(bonded))))
-    schur = transformed[np.ix_(order, order)]
-    if eliminated.size:
-        coupling = transformed[np.ix_(eliminated, order)]
-        values, vectors = np.linalg.eigh(transformed[np.ix_(eliminated, eliminated)])
-        hard = values > NOTHING_LEFT * values[-1]
-        inside = vectors[:, hard].T @ coupling
-        schur = schur - inside.T @ (inside / values[hard, None])
-    schur = (schur + schur.T) / 2
-    normal = point[order[component[order] == 0]]
-    tangential = point[order[component[order] > 0]]
-    values, vectors = np.linalg.eigh(schur)
-    free = vectors[:, values <= NOTHING_LEFT * values[-1]]
-    beside = np.minimum(np.searchsorted(normal, tangential), max(normal.size - 1, 0))
-    return _Rough(schur, normal, tangential, beside, free)
-
-
-def _critical(rough: _Rough, coefficient: Nodal) -> tuple[float, str]:
-    """The multiple of the coefficients below which the solution is proved to be the only one; and why it is zero."""
-    normal, count = rough.normal.size, len(rough.stiffness)
-    if not (coefficient[rough.tangential] > 0).any():
+    rubs = (component > 0) & ((coefficient[point] > 0) | (law.given[point] > 0)) & ~bonded
+    presses = (component == 0) & ~bonded
+    motions = np.linalg.pinv(operator[moves])
+    kept = np.column_stack((motions[:, presses], motions[:, rubs]))
+    loose = np.column_stack((motions[:, ~(presses | rubs | bonded)], null_space(operator[moves])))
+    coupling = loose.T @ stiffness @ kept
+    inside = np.linalg.pinv(loose.T @ stiffness @ loose, rcond=NOTHING_LEFT, hermitian=True)
+    condensed = kept.T @ stiffness @ kept - coupling.T @ inside @ coupling
+    sizes = coefficient[point[rubs]]
+    if not (sizes > 0).any():
         return np.inf, ""
-    if np.abs(rough.free[normal:]).max(initial=0.0) > NOTHING_LEFT**0.5:
-        return 0.0, "nothing but friction holds the body along its foundation"
-    # In units of the stiffness, so that nodal compliance is of order one.
-    stiffness = rough.stiffness / float(np.abs(rough.stiffness).max())
-    rows, sizes = stiffness[rough.beside], coefficient[rough.tangential]
-    basis = np.linalg.svd(rough.free, full_matrices=True)[0][:, rough.free.shape[1] :] if rough.free.size else None
-    compliance = np.diag(np.linalg.pinv(stiffness, rcond=NOTHING_LEFT, hermitian=True))[normal:]
-    ratios = np.sqrt(compliance / np.diag(stiffness)[rough.beside])
-    places = np.arange(normal, count)
+    normal = int(np.count_nonzero(presses))
+    beside = np.minimum(np.searchsorted(point[presses], point[rubs]), max(normal - 1, 0))
+    return _critical((condensed + condensed.T) / 2, normal, beside, sizes)
 
-    def matrices(exponents: Nodal) -> tuple[Nodal, Nodal]:
-        """The symmetric part of D S and the matrix on the right for F, with the same two factors at all points."""
-        scale, d = np.ones(count), ratios * np.exp(exponents[1])
-        scale[:normal] = np.exp(exponents[0])
-        left_side = scale[:, None] * stiffness
-        right = rows.T @ ((sizes * d)[:, None] * rows)
-        right[places, places] += sizes / d
-        left_side, right = (left_side + left_side.T) / 2, right / 2
-        return (left_side, right) if basis is None else (basis.T @ left_side @ basis, basis.T @ right @ basis)
+
+def _critical(stiffness: Nodal, normal: int, beside: npt.NDArray[np.int64], sizes: Nodal) -> tuple[float, str]:
+    """The same of so many normal components followed by tangential ones, with for each of these the place of its normal
+    one and its coefficient.
+    """
+    # In units of the stiffness, so that nodal compliance is of order one.
+    stiffness = stiffness / float(np.abs(stiffness).max())
+    values, vectors = np.linalg.eigh(stiffness)
+    held = values > NOTHING_LEFT * values[-1]
+    if np.abs(vectors[normal:, ~held]).max(initial=0.0) > NOTHING_LEFT**0.5:
+        return 0.0, "nothing but friction holds the body along its foundation"
+    basis, values = vectors[:, held], values[held]
+    compliance = (basis[normal:] ** 2 / values).sum(axis=1)
+    ratios = np.sqrt(compliance / np.diag(stiffness)[beside])
+    # The symmetric part of D S is nu times the first matrix and the second; that on the right d times the third and the
+    # fourth over d.
+    along, pressing = stiffness @ basis, basis[:normal].T @ (stiffness[:normal] @ basis)
+    pressing = (pressing + pressing.T) / 2
+    sliding = np.diag(values) - pressing
+    pressed = along[beside].T @ ((sizes * ratios)[:, None] * along[beside]) / 2
+    slid = basis[normal:].T @ ((sizes / ratios)[:, None] * basis[normal:]) / 2
+    last = values.size - 1
 
     def largest(exponents: Nodal) -> float:
         """The logarithm of the largest eigenvalue; infinite: these weights prove nothing."""
-        left_side, right = matrices(exponents)
-        last = len(left_side) - 1
+        nu, d = np.exp(exponents)
+        matrices = d * pressed + slid / d, nu * pressing + sliding
         try:
-            return float(np.log(eigh(right, left_side, eigvals_only=True, subset_by_index=(last, last))[0]))
-        except LinAlgError:  # the left side is not positive definite
+            return float(np.log(eigh(*matrices, eigvals_only=True, subset_by_index=(last, last))[0]))
+        except LinAlgError:  # the second one is not positive definite
             return np.inf
 
     start = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     options = {"initial_simplex": start, "maxfev": _EVALUATIONS}
     best = minimize(largest, start[0], method="Nelder-Mead", options=options)
-    left_side, right = matrices(best.x)
-    multiple = (1 - CERTIFICATE_TOLERANCE) * float(np.exp(-best.fun))
-    if not _definite(left_side - multiple * right):
+    multiple, (nu, d) = (1 - CERTIFICATE_TOLERANCE) * float(np.exp(-best.fun)), np.exp(best.x)
+    left = nu * pressing + sliding - multiple * (d * pressed + slid / d)
+    diagonal, count = np.diag(left), values.size
+    # The error of eigenvalues, and that of the entries, which are a few such sums.
+    round_off = 4 * (count + 2) * count * np.finfo(float).eps
+    if diagonal.min() <= 0 or np.linalg.eigvalsh(left / np.sqrt(np.outer(diagonal, diagonal)))[0] <= round_off:
         return 0.0, "round-off hides it"
     return multiple, ""
-
-
-def _definite(matrix: Nodal) -> bool:
-    """Whether a symmetric matrix is positive definite, proved with the round-off of the Cholesky factorisation.
-
-    S. M. Rump, Verification of positive definiteness, BIT 46 (2006) 433-452: it is if the factorisation of the matrix
-    minus (n + 2) eps times its trace succeeds; the entries of the matrix have the error of a few such sums.
-    """
-    scale = 1 / np.sqrt(np.diag(matrix)) if (np.diag(matrix) > 0).all() else None
-    if scale is None:
-        return False
-    scaled = scale[:, None] * matrix * scale
-    size = len(matrix)
-    try:
-        cholesky(scaled - 4 * (size + 2) * np.finfo(float).eps * np.trace(scaled) * np.eye(size), lower=True)
-    except LinAlgError:
-        return False
-    return True
