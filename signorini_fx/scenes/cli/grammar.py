@@ -14,8 +14,6 @@ from signorini_fx.machine import terminal
 from signorini_fx.machine.terminal import started_as_root
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
-# Mesh files that are read.
-_READ = ".msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -63,100 +61,67 @@ def parser() -> argparse.ArgumentParser:
         "Exit codes: 0 solved, 1 no solution (the summary says why), 2 bad input, 3 internal error, 4 something of a "
         "deck was left out that changes the answer, 130 interrupted."
     )
-    main = _Parser(
-        prog="signorini-fx",
-        description="Signorini contact with Tresca and Coulomb friction on FEniCSx.",
-        epilog=epilog,
+    judged = (
+        "Exit codes: 0 it agrees, 2 bad input, 3 internal error, 4 it agrees with what was read of the deck, 5 it "
+        "solves another problem, 6 it violates the problem, 7 it cannot be told."
     )
+    about = "Signorini contact with Tresca and Coulomb friction on FEniCSx."
+    main = _Parser(prog="signorini-fx", description=about, epilog=epilog)
     main.add_argument("--version", action="version", version=f"signorini-fx {__version__}")
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     solve = commands.add_parser("solve", help="solve a scene and write its results", epilog=epilog)
-    _add_options_of_solve(solve)
     check = commands.add_parser("check", help="what acts in a scene, its cost and problems, without solving it")
-    output = check.add_mutually_exclusive_group()
-    output.add_argument("--json", action="store_true", help="print JSON instead of text")
-    output.add_argument("--verbose", action="store_true", help="print all findings")
     report = commands.add_parser("report", help="write one HTML page from a result folder, to read, print and send")
+    judge = commands.add_parser("judge", help="check another program's result", epilog=judged)
+    sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
+    new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
+    info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, what is unnamed")
+    schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
+    commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
+
+    flag: dict[str, Any] = {"action": "store_true"}
+    file: dict[str, Any] = {"type": named_path, "metavar": "FILE"}
+    folder: dict[str, Any] = {"type": named_path, "metavar": "DIR"}
+    solve.add_argument("--out", **folder, help="result folder (default: results/NAME of the file)")
+    wanted = "relative error to reach by refining, such as 0.05 or 5%% (overrides accuracy.target)"
+    solve.add_argument("--accuracy", type=parsed_accuracy, metavar="E", help=wanted)
+    of = "quantity that must be accurate (overrides accuracy.of; default: energy, that of the stress)"
+    solve.add_argument("--of", choices=("energy", "pressure", "force", "zone", "peak"), help=of)
+    solve.add_argument("--restart", **flag, help="continue a killed run after its last complete load step or mesh")
+    solve.add_argument("--no-fields", **flag, help="write no fields for ParaView")
+    pictures = solve.add_mutually_exclusive_group()
+    pictures.add_argument("--no-pictures", **flag, help="draw no pictures")
+    pictures.add_argument("--pdf", **flag, help="draw each picture as a PDF, for print, beside the PNG")
+    drawn = "field to draw on the deformed body beside the von Mises stress; may be repeated"
+    solve.add_argument("--picture", action="append", choices=("pressure", "displacement", "density"), help=drawn)
+    said = solve.add_mutually_exclusive_group()
+    said.add_argument("--quiet", **flag, help="print nothing but errors")
+    said.add_argument("--verbose", **flag, help="print each iteration, and all that is in summary.json")
+
+    output = check.add_mutually_exclusive_group()
+    output.add_argument("--json", **flag, help="print JSON instead of text")
+    output.add_argument("--verbose", **flag, help="print all findings")
+    check.add_argument("--picture", **file, help="draw mesh, loads, supports and contact: .png, .pdf or .svg")
     report.add_argument("folder", type=named_path, metavar="FOLDER", help="result folder that solve wrote")
-    report.add_argument("--out", type=named_path, metavar="FILE", help="the page (default: report.html in the folder)")
-    judge = commands.add_parser(
-        "judge",
-        help="check another program's result",
-        epilog="Exit codes: 0 it agrees, 2 bad input, 3 internal error, 4 it agrees with what was read of the deck, 5 "
-        "it solves another problem, 6 it violates the problem, 7 it cannot be told.",
-    )
+    report.add_argument("--out", **file, help="the page (default: report.html in the folder)")
     judge.add_argument("problem", type=named_path, metavar="PROBLEM", help="input file, .inp, or scene file (TOML)")
     judge.add_argument("result", type=named_path, metavar="RESULT", help="displacements: .dat, .frd, .csv or .vtu")
-    judge.add_argument("--json", action="store_true", help="print JSON instead of text")
-    sweep = commands.add_parser("sweep", help="solve a scene for several values of one of its entries", epilog=epilog)
-    sweep.add_argument(
-        "--out", type=named_path, metavar="DIR", help="folder (default: results/sweep_NAME of the scene file)"
-    )
+    judge.add_argument("--json", **flag, help="print JSON instead of text")
+    sweep.add_argument("--out", **folder, help="folder (default: results/sweep_NAME of the scene file)")
     for command in (solve, check, sweep):
         command.add_argument("scene", type=named_path, metavar="SCENE", help="scene file (TOML)")
-        suffix = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
-        command.add_argument(
-            "--set",
-            action="append",
-            type=parsed_setting,
-            metavar="PATH=VALUE",
-            help=f"entry of the scene, such as contact[0].friction.coefficient=0.3; may be repeated{suffix}",
-        )
-    new = commands.add_parser("new", help="write a scene file to start from, with every key explained")
-    new.add_argument(
-        "file",
-        type=named_path,
-        metavar="FILE",
-        nargs="?",
-        default=Path("scene.toml"),
-        help="the file (default: %(default)s)",
-    )
-    new.add_argument(
-        "--from", dest="deck", type=named_path, metavar="DECK", help="draft it from an .inp of Abaqus or CalculiX"
-    )
-    info = commands.add_parser("mesh-info", help="describe a mesh file: names, counts, what is unnamed")
-    info.add_argument("file", type=named_path, metavar="FILE", help=f"mesh: {_READ}")
+        several = "; one of them with several values, FROM:TO:COUNT or A,B,C" if command is sweep else ""
+        entry = f"entry of the scene, such as contact[0].friction.coefficient=0.3; may be repeated{several}"
+        command.add_argument("--set", action="append", type=parsed_setting, metavar="PATH=VALUE", help=entry)
+    new.add_argument("file", **file, nargs="?", default=Path("scene.toml"), help="the file (default: %(default)s)")
+    draft = "draft it from an .inp of Abaqus or CalculiX"
+    new.add_argument("--from", dest="deck", type=named_path, metavar="DECK", help=draft)
+    info.add_argument("file", **file, help="mesh: .msh, .geo, .step, .stp, .brep, .inp, .med, .vtu or .xdmf")
     info.add_argument("--size", type=float, help="cell size for a .step, .stp or .brep")
-    info.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    drawn = {check: "mesh, loads, supports and contact", info: "the mesh and the names of its boundaries"}
-    for command, drawing in drawn.items():
-        command.add_argument("--picture", type=named_path, metavar="FILE", help=f"draw {drawing}: .png, .pdf or .svg")
-    schema = commands.add_parser("schema", help="print the JSON schema of scene files, for editors")
-    schema.add_argument("--summary", action="store_true", help="the schema of summary.json in result folders")
-    commands.add_parser("info", help="print versions, the BLAS and the linear solvers in use")
+    info.add_argument("--json", **flag, help="print JSON instead of a table")
+    info.add_argument("--picture", **file, help="draw the mesh and the names of its boundaries: .png, .pdf or .svg")
+    schema.add_argument("--summary", **flag, help="the schema of summary.json in result folders")
     return main
-
-
-def _add_options_of_solve(solve: argparse.ArgumentParser) -> None:
-    """What is solved, to which accuracy, and what is written and printed."""
-    solve.add_argument(
-        "--out", type=named_path, metavar="DIR", help="result folder (default: results/NAME of the file)"
-    )
-    solve.add_argument(
-        "--accuracy",
-        type=parsed_accuracy,
-        metavar="E",
-        help="relative error to reach by refining, such as 0.05 or 5%% (overrides accuracy.target)",
-    )
-    quantities = ("energy", "pressure", "force", "zone", "peak")
-    of = "quantity that must be accurate (overrides accuracy.of; default: energy, that of the stress)"
-    solve.add_argument("--of", choices=quantities, help=of)
-    solve.add_argument(
-        "--restart", action="store_true", help="continue a killed run after its last complete load step or mesh"
-    )
-    solve.add_argument("--no-fields", action="store_true", help="write no fields for ParaView")
-    pictures = solve.add_mutually_exclusive_group()
-    pictures.add_argument("--no-pictures", action="store_true", help="draw no pictures")
-    pictures.add_argument("--pdf", action="store_true", help="draw each picture as a PDF, for print, beside the PNG")
-    solve.add_argument(
-        "--picture",
-        action="append",
-        choices=("pressure", "displacement", "density"),
-        help="field to draw on the deformed body beside the von Mises stress; may be repeated",
-    )
-    said = solve.add_mutually_exclusive_group()
-    said.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    said.add_argument("--verbose", action="store_true", help="print each iteration, and all that is in summary.json")
 
 
 def named_path(text: str) -> Path:
