@@ -280,23 +280,27 @@ def _contact_by_step(solution: Solution) -> Table:
     return {name: np.concatenate([table[name] for table in tables]) for name in (tables[0] if tables else ())}
 
 
-def describe(value: Any, without: tuple[str, ...] = ()) -> Any:
+def describe(value: Any, without: tuple[str, ...] = (), of_file: Callable[[Path], str] = lambda path: path.name) -> Any:
     """Scene data as JSON: expressions as text, and a note of the type for everything that cannot be written;
-    ``without``: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have.
+    ``without``: keys of tables to leave out, which a scene in 2D, or one in 3D, does not have; ``of_file``: what stands
+    for a file.
     """
+
+    def inner(value: Any) -> Any:
+        return describe(value, without, of_file)
+
     if isinstance(value, BaseModel):
-        names = (name for name in type(value).model_fields if name not in without)
-        return {name: describe(getattr(value, name), without) for name in names}
+        return {name: inner(getattr(value, name)) for name in type(value).model_fields if name not in without}
     if isinstance(value, Mapping):
-        return {str(key): describe(item, without) for key, item in value.items()}
+        return {str(key): inner(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [describe(item, without) for item in value]
+        return [inner(item) for item in value]
     if isinstance(value, float) and not np.isfinite(value):
         return str(value)
     if value is None or isinstance(value, str | int | float | bool):
         return value
     if isinstance(value, Path):
-        return value.name
+        return of_file(value)
     if isinstance(value, TaggedMesh) and value.origin:
         return {**describe(value.origin), "refined": True}
     return getattr(value, "text", f"<{type(value).__name__}>")

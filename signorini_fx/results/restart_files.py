@@ -32,8 +32,8 @@ from signorini_fx.tuned import SAME_LENGTH
 Nodal = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 
-_FORMAT = 10
-_SCENE, _FIGURES, _NODES, _FIELD = "scene.json", "figures.json", "nodes.npz", "displacement.npy"
+_FORMAT = 11
+_SCENE, _FIGURES, _NODES = "scene.json", "figures.json", "nodes.npz"
 _ABSENT = "(absent)"
 
 
@@ -84,23 +84,20 @@ class Checkpoint:
         """The displacement of a load step, and the values at the contact nodes of this rank, as they were written; None
         if they cannot be read, or belong to other nodes.  The mesh may be distributed in another way.
         """
-        folder = self._folder(self.level, step)
-        displacement = fem.Function(space, name="displacement")
-        contact_values: dict[str, Nodal] | None = None
+        beside, contact_values = self.beside(step, space, ["displacement"]), None
         try:
-            _read_field(folder / _FIELD, displacement)
-            with (folder / _NODES).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                stored = {name: file[name] for name in file.files}
-            contact_values = _placed(stored, boundary, displacement, size)
+            if beside is not None:
+                with np.load(self._folder(self.level, step) / _NODES) as stored:
+                    contact_values = _placed(dict(stored), boundary, beside[0], size)
         except (OSError, ValueError, EOFError, KeyError, BadZipFile):  # the step is solved again
-            contact_values = None
-        if parallel.any_rank(self._comm, contact_values is None) or contact_values is None:
+            pass
+        if parallel.any_rank(self._comm, contact_values is None) or beside is None or contact_values is None:
             return None
-        return displacement, contact_values
+        return beside[0], contact_values
 
     def beside(self, step: int, space: fem.FunctionSpace, names: Sequence[str]) -> list[fem.Function] | None:
-        """Further displacements of a load step by their names; None: they cannot be read."""
-        functions, failed = [fem.Function(space) for _ in names], False
+        """Displacements of a load step by their names; None: they cannot be read."""
+        functions, failed = [fem.Function(space, name=name) for name in names], False
         try:
             for name, function in zip(names, functions, strict=True):
                 _read_field(self._folder(self.level, step) / f"{name}.npy", function)
@@ -123,24 +120,19 @@ class Checkpoint:
         Raises:
             OutputError: it cannot be written.
         """
-        part, functions = self.path / manifest.PART, {_FIELD: displacement}
-        functions |= {f"{name}.npy": function for name, function in (beside or {}).items()}
+        part = self.path / manifest.PART
         self._begin()
+        functions = {"displacement": displacement, **(beside or {})}
         fields = {name: _by_cell(function) for name, function in functions.items()}
         moved = displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
-        columns = {"part": boundary.part.astype(np.float64), "x": boundary.x, "y": moved, **nodal}
-        widths = [1 if np.ndim(values) == 1 else values.shape[1] for values in columns.values()]
-        table = np.column_stack([np.asarray(values, dtype=np.float64) for values in columns.values()])
-        rows = parallel.rows_on_root(self._comm, table)
+        columns = {"part": boundary.part, "x": boundary.x, "y": moved, **nodal}
+        table = {name: parallel.rows_on_root(self._comm, values) for name, values in columns.items()}
 
         def finish() -> None:
             try:
-                pieces = np.split(rows, np.cumsum(widths)[:-1], axis=1)
-                named: dict[str, Any] = dict(zip(columns, pieces, strict=True))
                 for name, values in fields.items():
-                    np.save(part / name, values)
-                with (part / _NODES).open("wb") as file:
-                    np.savez(file, **named)
+                    np.save(part / f"{name}.npy", values)
+                np.savez(part / _NODES, **table)
                 (part / _FIGURES).write_text(json.dumps(figures), encoding="utf-8")
                 target = self._folder(self.level, step)
                 shutil.rmtree(target, ignore_errors=True)
@@ -254,35 +246,22 @@ def _read_field(path: Path, function: fem.Function) -> None:
 
 def _described(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
     """The scene as JSON with all defaults, its files by content, without what changes no result: title, remarks."""
-    if isinstance(scene, Mapping):
-        return dict(json.loads(json.dumps(scene)))
-    description: dict[str, Any] = json.loads(json.dumps(describe(scene)))
-    for remark in ("title", "incomplete", "title_block"):
-        description.pop(remark, None)
-    _add_contents(scene, description)
+    description: dict[str, Any] = json.loads(json.dumps(describe(scene, of_file=_with_content)))
+    if isinstance(scene, BaseModel):
+        for remark in ("title", "incomplete", "title_block"):
+            description.pop(remark, None)
     return description
 
 
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def _with_content(path: Path) -> str:
+    """The name of a file with what tells the content of all files that it needs."""
+    from signorini_fx.mechanics.mesh.files.formats import files_of
 
-
-def _add_contents(scene_part: Any, description: Any) -> None:
-    """Add to every table of a scene as JSON that names a file what tells the content of the file."""
-    if isinstance(description, list):
-        for inner_part, entry in zip(scene_part, description, strict=True):
-            _add_contents(inner_part, entry)
-    elif isinstance(description, dict) and isinstance(scene_part, BaseModel):
-        if isinstance(path := getattr(scene_part, "file", None), Path):
-            try:
-                from signorini_fx.mechanics.mesh.files.formats import files_of
-
-                description["content"] = " ".join(map(_digest, files_of(path)))
-            except (OSError, MeshError):
-                description["content"] = "unreadable"
-        for key, entry in description.items():
-            _add_contents(getattr(scene_part, key, None), entry)
+    try:
+        digests = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files_of(path)]
+    except (OSError, MeshError):
+        digests = ["unreadable"]
+    return " ".join((path.name, *digests))
 
 
 def _differences(stored: Any, current: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
@@ -306,20 +285,14 @@ def _placed(
     Nodes are found by position; where two bodies touch each other, two nodes have the same one, and another
     displacement.
     """
-    dim = boundary.x.shape[1]
-    moved = displacement.x.array.reshape(-1, dim)[boundary.nodes]
-    part = stored["part"].ravel()
-    row: npt.NDArray[np.int64] = np.zeros(boundary.size, dtype=np.int64)
+    moved = displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
     far = float(np.abs(stored["y"]).max(initial=0.0)) or 1.0
-    for number in np.unique(boundary.part):
-        on_part, stored_rows = boundary.part == number, np.flatnonzero(part == number)
-        if not stored_rows.size:
-            return None
-        tree = cKDTree(np.column_stack((stored["x"][stored_rows] / size, SAME_LENGTH * stored["y"][stored_rows] / far)))
-        distance, nearest = tree.query(
-            np.column_stack((boundary.x[on_part] / size, SAME_LENGTH * moved[on_part] / far))
-        )
-        if (distance > SAME_LENGTH).any():
-            return None
-        row[on_part] = stored_rows[nearest]
-    return {name: values[row] for name, values in stored.items() if name not in ("part", "x", "y")}
+
+    def keys(part: npt.NDArray[Any], x: Nodal, y: Nodal) -> Nodal:
+        return np.column_stack((part, x / size, SAME_LENGTH * y / far))
+
+    tree = cKDTree(keys(stored["part"], stored["x"], stored["y"]))
+    distance, nearest = tree.query(keys(boundary.part, boundary.x, moved))
+    if (distance > SAME_LENGTH).any():
+        return None
+    return {name: values[nearest] for name, values in stored.items() if name not in ("part", "x", "y")}
