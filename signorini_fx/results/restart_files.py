@@ -87,7 +87,7 @@ class Checkpoint:
         beside, contact_values = self.beside(step, space, ["displacement"]), None
         try:
             if beside is not None:
-                with np.load(self._folder(self.level, step) / _NODES) as stored:
+                with (self._folder(self.level, step) / _NODES).open("rb") as stream, np.load(stream) as stored:
                     contact_values = _placed(dict(stored), boundary, beside[0], size)
         except (OSError, ValueError, EOFError, KeyError, BadZipFile):  # the step is solved again
             pass
