@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -111,27 +112,32 @@ class StatedBody(SolidBody):
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         from signorini_fx.results.certificate.nodal_forces import NodalForces
-        from signorini_fx.results.resultants import ActingForces
 
-        supports = [entry.place if entry.holds_at(step) else None for entry in self.statement.displacement]
-        names = [effect.where for _, effect in self.statement.listed()]
-        return ActingForces(self.balance(y, step), supports, loads_of(NodalForces.on(self), y, step), names)
+        return acting_on(NodalForces.on(self), self.balance(y, step), y, step)
 
 
-def loads_of(forces: NodalForces, y: fem.Function, step: float) -> list[NamedForces]:
-    """The loads of a statement and what resists a displacement, those of one kind and place together, see
-    ``ActingForces``; collective.
-    """
-    loads = []
-    for kind in forces.statement.effects.values():
-        for where in dict.fromkeys(effect.where for effect in kind):
-            effects = [effect for effect in kind if effect.where == where]
-            pushing = [effect for effect in effects if isinstance(effect, Force)]
-            resisting = [effect for effect in effects if isinstance(effect, Resistance)]
-            if pushing or resisting:
-                values = forces.external(step, some=pushing) - forces.resisted(y, resisting)
-                loads.append((where, effects[0].label, values))
-    return loads
+def acting_on(
+    forces: NodalForces,
+    balance: Balance,
+    y: fem.Function,
+    step: float,
+    followers: Sequence[NamedForces] = (),
+    *,
+    displaced: bool = False,
+) -> ActingForces:
+    """What acts on the body of a statement, ``followers`` among it, with the names of the statement; collective."""
+    from signorini_fx.results.resultants import ActingForces
+
+    statement, loads = forces.statement, [*followers]
+    entries = [effect for _, effect in statement.listed()]
+    for effect in entries:
+        if isinstance(effect, Force):
+            loads.append((effect.where, effect.label, forces.external(step, some=[effect])))
+        if isinstance(effect, Resistance):
+            loads.append((effect.where, effect.label, -forces.resisted(y, [effect])))
+    supports = [entry.place if entry.holds_at(step) else None for entry in statement.displacement]
+    names = [effect.where for effect in entries] + [where for where, *_ in followers]
+    return ActingForces(balance, supports, loads, names, displaced)
 
 
 @dataclass(frozen=True, repr=False)

@@ -36,6 +36,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.stresses import (
     COMPONENTS,
     Extreme,
@@ -105,14 +106,14 @@ class NonlinearForces(NodalForces):
         self._move_to(displacement, states, step)
         return np.asarray(assemble(self._residual) - self.external(step).ravel())
 
-    def of_followers(self, displacement: fem.Function, step: float) -> list[tuple[Any, Array]]:
-        """The loads that follow the body, with their forces, shape (owned nodes, d); collective."""
+    def of_followers(self, displacement: fem.Function, step: float) -> list[NamedForces]:
+        """Those of loads that follow the body, with their names; collective."""
         self._u.x.array[:] = displacement.x.array
         self._body.move_to(step)
-        followers, loads = self._body.followers, list[tuple[Any, Array]]()
+        followers, loads = self._body.followers, list[NamedForces]()
         for effect, work in zip(followers.effects, followers.works, strict=True):
             forms = self._compiled(("follower", id(effect)), partial(list, (work,)))
-            loads.append((effect, -self._sum(forms)))
+            loads.append((effect.where, effect.label if effect.carried else "pressure", -self._sum(forms)))
         return loads
 
     def unstrained(self) -> dict[int, Array]:

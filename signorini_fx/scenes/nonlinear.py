@@ -33,13 +33,12 @@ from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
-from signorini_fx.mechanics.statement.effect import Force, Resistance
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.mechanics import StepResult
+from signorini_fx.results.mechanics import StepResult, acting_on
 from signorini_fx.results.nonlinear_stresses import NonlinearForces, NonlinearStresses, StatesOnPath
 from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.solution import ConvergenceError, Solution
@@ -292,17 +291,9 @@ class BodyOfScene(ResidualBody):
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         """At small strains moments balance at the undeformed points."""
-        statement, anew = self.statement, self.states.forces
-        places = [entry.place if entry.holds_at(step) else None for entry in anew.statement.displacement]
-        acting = [load for load in anew.statement.of(Force) if load.acts]
-        loads = [(load.where, load.label, anew.external(step, some=[load])) for load in acting]
-        for load, forces in anew.of_followers(y, step):
-            loads.append((load.where, load.label if load.carried else "pressure", forces))
-        springs = [effect for effect in anew.statement.of(Resistance) if effect.acts]
-        loads += [(effect.where, effect.label, -anew.resisted(y, [effect])) for effect in springs]
+        anew, displaced = self.states.forces, self.statement.finite_strains
         balance = replace(self.balance(y, step), supports=anew.prescribed(step))
-        names = [effect.where for _, effect in statement.listed()]
-        return ActingForces(balance, places, loads, names, statement.finite_strains)
+        return acting_on(anew, balance, y, step, anew.of_followers(y, step), displaced=displaced)
 
 
 def _with_sides_of(statement: Statement, body: Statement) -> Statement:
