@@ -96,26 +96,18 @@ class ContactFields:
         return BoundaryFields(mesh=mesh, facets=facets, **made)
 
 
-@dataclass(frozen=True)
-class BoundaryFields:
-    """Functions on a mesh of the contact boundary, see ``ContactFields``.
+@dataclass(frozen=True, kw_only=True)
+class BoundaryFields(ContactFields):
+    """The same Functions on a mesh of the contact boundary.
 
     Attributes:
         mesh: of the facets, of one dimension less than the body, in the same space; shared by the same ranks, of which
             some may have no cell.
         facets: local number of the facet of the body that each cell on this rank is, ghosts included.
-        pressure: lambda, stress, scalar.
-        shear: mu, stress, a vector.
-        gap: what is left of the gap, length, scalar.
-        slip: since the last load step, length, a vector.
     """
 
     mesh: dmesh.Mesh
     facets: npt.NDArray[np.int32]
-    pressure: fem.Function
-    shear: fem.Function
-    gap: fem.Function
-    slip: fem.Function
 
 
 def boundary_fields(

@@ -27,6 +27,8 @@ from signorini_fx.tuned import ZERO_IN_SOLUTION
 Array = npt.NDArray[np.float64]
 # A part of the boundary, None for the body; what acts there, in words; the forces, shape (owned nodes, d).
 NamedForces = tuple[str | None, str, Array]
+# Points of this rank and the forces there, shapes (n, d), by what exerts them.
+ByCause = dict[str, tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -75,14 +77,6 @@ class Resultant:
             "about": self.about.tolist(),
             "acts_at": None if self.acts_at is None else clean(self.acts_at.tolist(), extent),
         }
-
-
-@dataclass(frozen=True)
-class NodalForcesAt:
-    """Forces at points of this rank, shapes (n, d)."""
-
-    points: Array
-    values: Array
 
 
 @dataclass(frozen=True)
@@ -147,30 +141,21 @@ class Resultants:
 
     def body_force(self, about: npt.ArrayLike | None = None) -> Resultant:
         """That of the body force; collective."""
-        return self._sum(None, self._of_effects(None), about)
+        return self._sum(None, self._at_nodes(None), about)
 
     def every(self) -> list[Resultant]:
         """Those of all boundaries with loads, supports or contact, and of the body force; collective."""
         resultants = [self.of(name) for name in self._names]
-        return [*resultants, *([self.body_force()] if self._of_effects(None) else [])]
+        return [*resultants, *([self.body_force()] if self._at_nodes(None) else [])]
 
     def as_rows(self) -> list[dict[str, object]]:
         """Those of ``every`` for the summary; none if the displacement is not a number; collective."""
         if parallel.any_rank(self.tagged.mesh.comm, not np.isfinite(self.displacement.x.array).all()):
             return []
         resultants = self.every()
-        size = (
-            max((resultant.size[0] for resultant in resultants), default=0.0),
-            max((resultant.size[1] for resultant in resultants), default=0.0),
-        )
-        return [resultant.as_dict(size, self.tagged.size) for resultant in resultants]
-
-    def at_nodes(self) -> Array:
-        """What loads and supports do to the body, forces at the owned nodes, shape (n, d); collective."""
-        acting, numbers = self.acting, range(len(self.acting.supports))
-        told = acting.loads if acting.balance.with_loads else ()
-        loads = sum((values for *_, values in told), acting.balance.external)
-        return sum((self._taken(number) for number in numbers), loads)
+        sizes = np.array([resultant.size for resultant in resultants]).reshape(-1, 2)
+        force, moment = sizes.max(axis=0, initial=0.0).tolist()
+        return [resultant.as_dict((force, moment), self.tagged.size) for resultant in resultants]
 
     @property
     def _names(self) -> list[str]:
@@ -209,13 +194,13 @@ class Resultants:
         pair = None if self.conditions is None else self.conditions.pairs.get(part)
         return self.acting.displaced and pair is not None and not pair.displaced
 
-    def _at_partners(self, boundary: str, parts: Sequence[int]) -> NodalForcesAt:
+    def _at_partners(self, boundary: str, parts: Sequence[int]) -> tuple[Array, Array]:
         """What contacts do to the other body, at its nodes; collective."""
         space, facets = self.displacement.function_space, self.tagged.facets(boundary)
         on_boundary = fem.locate_dofs_topological(space, self.tagged.mesh.topology.dim - 1, facets)
         total = self._of_contact(*parts)
         total[~np.isin(np.arange(len(total)), on_boundary)] = 0.0
-        return NodalForcesAt(self._x, -total)
+        return self._x, -total
 
     def _of_contact(self, *parts: int) -> Array:
         """The forces of the contact tractions, or those of some contacts, shape (owned nodes, d); collective."""
@@ -231,13 +216,9 @@ class Resultants:
         balance = self.acting.balance
         return np.asarray(balance.internal + balance.resisted - balance.external - balance.initial + self._of_contact())
 
-    def _taken(self, number: int) -> Array:
-        """The part of them that one support takes, shape (owned nodes, d); collective."""
-        return self.acting.balance.supports.taken(self._reactions, number)
-
-    def _through(self, boundary: str) -> dict[str, NodalForcesAt]:
-        """The forces on the body at the nodes of a boundary, by what exerts them."""
-        by_cause = self._of_supports(boundary) | self._of_effects(boundary)
+    def _through(self, boundary: str) -> ByCause:
+        """The forces on the body at the nodes of a boundary."""
+        by_cause = self._at_nodes(boundary)
         for sign, key in ((-1.0, "boundary"), (1.0, "against")):  # on the other body they are opposite
             parts = [k for k, effect in enumerate(self.statement.contact) if getattr(effect, key) == boundary]
             if parts and self.contact is not None:
@@ -248,38 +229,33 @@ class Resultants:
                 by_cause["contact"] = (
                     self._at_partners(boundary, parts)
                     if kept
-                    else NodalForcesAt(self._contact_points[on_boundary], forces[on_boundary])
+                    else (self._contact_points[on_boundary], forces[on_boundary])
                 )
         return by_cause
 
-    def _of_supports(self, boundary: str) -> dict[str, NodalForcesAt]:
-        """Those of supports."""
-        held = [number for number, name in enumerate(self.acting.supports) if name == boundary]
-        if not held:
-            return {}
-        taken = (self._taken(number) for number in held)
-        return {"support": NodalForcesAt(self._x, sum(taken, np.zeros_like(self._reactions)))}
-
-    def _of_effects(self, boundary: str | None) -> dict[str, NodalForcesAt]:
-        """Those of loads and of what resists the displacement, by their kinds; None: in the body."""
+    def _at_nodes(self, boundary: str | None) -> ByCause:
+        """Those of supports, loads and what resists the displacement; None: in the body; collective."""
+        held = [number for number, name in enumerate(self.acting.supports) if name == boundary is not None]
         by_cause = dict[str, Array]()
+        if held:
+            by_cause["support"] = sum(self.acting.balance.supports.taken(self._reactions, number) for number in held)
         for where, cause, values in self.acting.loads:
             if where == boundary:
-                by_cause[cause] = by_cause[cause] + values if cause in by_cause else values
-        return {cause: NodalForcesAt(self._x, values) for cause, values in by_cause.items()}
+                by_cause[cause] = by_cause.get(cause, 0.0) + values
+        return {cause: (self._x, values) for cause, values in by_cause.items()}
 
-    def _sum(self, boundary: str | None, forces: dict[str, NodalForcesAt], about: npt.ArrayLike | None) -> Resultant:
+    def _sum(self, boundary: str | None, forces: ByCause, about: npt.ArrayLike | None) -> Resultant:
         """The resultant of what acts through a boundary."""
         dim, comm = self.tagged.mesh.geometry.dim, self.tagged.mesh.comm
         point = np.zeros(dim) if about is None else np.asarray(about, dtype=np.float64)
         if point.shape != (dim,):
             raise ValueError(f"about: a point with {dim} coordinates is expected, got {about!r}")
         total: Array = np.zeros(self._kinematics.motions + 2)
-        for nodal in forces.values():
-            turning = moments(nodal.points - point, nodal.values).sum(axis=0) * self._kinematics.unbalanced[dim:]
-            sizes = np.linalg.norm(nodal.values, axis=1)
-            arms = np.linalg.norm(nodal.points - point, axis=1)
-            total += np.concatenate((nodal.values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
+        for points, values in forces.values():
+            turning = moments(points - point, values).sum(axis=0) * self._kinematics.unbalanced[dim:]
+            sizes = np.linalg.norm(values, axis=1)
+            arms = np.linalg.norm(points - point, axis=1)
+            total += np.concatenate((values.sum(axis=0), turning, [sizes.sum(), arms @ sizes]))
         total = parallel.global_sum(comm, total)
         force, moment, size = total[:dim], total[dim:-2], (float(total[-2]), float(total[-1]))
         acts_at: Array | None = None
