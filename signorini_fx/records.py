@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any, Literal
 
@@ -260,12 +260,6 @@ class Timings:
 def as_rows(records: Sequence[Any]) -> list[dict[str, object]]:
     """Records as dictionaries, in order, ready for CSV or JSON."""
     return [asdict(record) for record in records]
-
-
-def as_columns(records: Sequence[Any]) -> dict[str, list[Any]]:
-    """Records of one class, field by field; nothing without records."""
-    names = [entry.name for entry in fields(records[0])] if records else []
-    return {name: [getattr(record, name) for record in records] for name in names}
 
 
 @dataclass(frozen=True)

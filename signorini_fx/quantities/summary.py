@@ -84,23 +84,23 @@ class FindingRow(Row):
     message: str
 
 
-class PriceOfMesh(Row):
-    """A mesh."""
+class Price(Row):
+    """A mesh with the errors on it, each relative and null where it cannot be estimated yet, and its cost."""
 
-    level: Count
-    dofs: Count
-    h: Number
-    linear_solves: Number
-    factorisations: Number
-    seconds: Number
-    memory: Number
-    energy: Number
-    pressure: Number
-    force: Number
-    zone: Number
-    peak: Number
-    regularisation: Number
-    iteration: Number
+    level: Count = described("Its number, the coarsest is 0.")
+    h: float = described("Mean spacing of the contact nodes; in 3D root of the mean area that they stand for.")
+    dofs: Count = described("Unknowns.")
+    linear_solves: Count = described("Linear solves on this mesh.")
+    factorisations: Count = described("Of them with a new factorisation.")
+    seconds: float = described("Wall time of everything on this mesh, largest over the ranks.")
+    memory: float = described("Peak memory so far of all ranks together, MB.")
+    energy: Number = described("Error of the displacement, energy norm.")
+    pressure: Number = described("Error of the contact pressure, L2(Gamma_c).")
+    force: Number = described("Error of contact and friction force.")
+    zone: Number = described("Of the ends of the contact zones, relative to their length; in 3D of the contact area.")
+    peak: Number = described("Error of the largest pressure.")
+    regularisation: float = described("The part of `energy` due to gamma.")
+    iteration: float = described("The part due to the iteration.")
     predicted: bool = described("Whether this is a prediction for the next mesh.")
 
 
@@ -340,9 +340,7 @@ class Run(Row):
     linear_algebra: str = described("Kind of elastic system, and why.")
     pieces: list[PieceOfBody] = described("The connected pieces of the body.")
     findings: list[FindingRow] = described("What is to be known about the scene and the result.")
-    convergence_table: list[PriceOfMesh] = described(
-        "Errors and costs of the meshes, if there are several.", default=None
-    )
+    convergence_table: list[Price] = described("Errors and costs of the meshes, if there are several.", default=None)
     results_of: StepOfResults = described(
         "The load step that all other figures are of: the last one with a solution, or the first one if it has none.",
         default=None,

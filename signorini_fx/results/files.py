@@ -23,7 +23,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.shown import marked_stress
 from signorini_fx.quantities.values import of_fields
-from signorini_fx.records import Finding, as_columns
+from signorini_fx.records import Finding, as_rows
 from signorini_fx.results.fields import (
     FIELD_FILES,
     VTU,
@@ -182,10 +182,10 @@ class _Written:
 
         def write() -> None:
             for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):
-                columns = as_columns(records)
+                rows = as_rows(records)
                 if not steps:
-                    columns.pop("step", None)
-                write_columns(part / f"{name}.csv", columns)
+                    rows = [{key: value for key, value in row.items() if key != "step"} for row in rows]
+                write_csv(part / f"{name}.csv", rows)
             if steps:
                 write_csv(part / "steps.csv", steps)
             if table is not None:
@@ -201,7 +201,7 @@ class _Written:
 
         def write() -> None:
             if solution.convergence_table:
-                write_columns(part / "convergence_table.csv", as_columns(solution.convergence_table))
+                write_csv(part / "convergence_table.csv", [row.model_dump() for row in solution.convergence_table])
             if table is not None and table.facets is not None:
                 write_surface(part / "contact.vtu", table)
             if along_steps:

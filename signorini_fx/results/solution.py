@@ -35,8 +35,7 @@ from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
-    from signorini_fx.quantities.summary import ContactFigures, SectionForce
-    from signorini_fx.results.accuracy.convergence_table import Price
+    from signorini_fx.quantities.summary import ContactFigures, Price, SectionForce
     from signorini_fx.results.accuracy.level_results import LevelResult
 
 # A body that moves away although nothing would let it do so without a load.

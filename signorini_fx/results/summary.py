@@ -27,7 +27,7 @@ from signorini_fx.machine.display import results_of, status_in_words
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
 from signorini_fx.mechanics.assembly.pieces import extent
 from signorini_fx.quantities.shown import brief_lines, row, shown_lines, table
-from signorini_fx.quantities.summary import SCHEMA_VERSION, Quantity, own_quantities
+from signorini_fx.quantities.summary import SCHEMA_VERSION, Price, Quantity, own_quantities
 from signorini_fx.quantities.values import NO_BOUND, afterwards, of_results, of_step
 from signorini_fx.records import Finding, OuterRecord, Record, StepRecord
 from signorini_fx.results.solution import Solution
@@ -66,7 +66,7 @@ def summary_of(solution: Solution) -> dict[str, Any]:
     }
     summary |= of_results(solution)
     if solution.convergence_table:
-        summary["convergence_table"] = [asdict(row) for row in solution.convergence_table]
+        summary["convergence_table"] = [row.model_dump() for row in solution.convergence_table]
     if solution.statement.several_steps:
         last, shown = solution.last_step, solution.shown_steps
         summary["results_of"] = {"step": last.step, "name": last.name, "time": last.time, "status": last.status.value}
@@ -171,7 +171,7 @@ def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
     lines += [line for shown in table() for line in shown_lines(shown, summary)]
     lines.append(row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))
     if "convergence_table" in summary:
-        prices = [convergence_table.Price(**price) for price in summary["convergence_table"]]
+        prices = [Price(**price) for price in summary["convergence_table"]]
         lines.append(TerminalLine(convergence_table.render(prices)))
     return lines
 

@@ -21,9 +21,9 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import lengths_of_cells, mark, refine, shorter_lengths
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
+from signorini_fx.quantities.summary import Price
 from signorini_fx.records import ACCURACY, History, Status
 from signorini_fx.results.accuracy.convergence_table import (
-    Price,
     convergence_table,
     expected_rates,
     fineness_of,

@@ -172,7 +172,9 @@ def row_of(dofs, seconds, memory):
     """A row of the convergence table as far as its prediction looks at it."""
     errors = dict.fromkeys(("energy", "pressure", "force", "zone", "peak"), 1e-2)
     effort = {"linear_solves": 2, "factorisations": 1, "seconds": seconds, "memory": memory}
-    return prices.Price(level=0, h=1.0, dofs=dofs, **effort, **errors, regularisation=0.0, iteration=0.0)
+    return prices.Price(
+        level=0, h=1.0, dofs=dofs, **effort, **errors, regularisation=0.0, iteration=0.0, predicted=False
+    )
 
 
 def test_prediction_tells_what_stays_from_what_grows():

@@ -17,7 +17,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.result_files import Table
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.statement.units import labelled
-from signorini_fx.records import as_rows
 from signorini_fx.results.solution import Solution
 
 if TYPE_CHECKING:
@@ -55,7 +54,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
         **usual,
         fields=fields,
         body=body,
-        prices=as_rows(solution.convergence_table),
+        prices=[row.model_dump() for row in solution.convergence_table],
         tools={contacts[part].boundary: motion.at for motion in tools for part in motion.body.parts},
         shapes=shapes,
         mirrored=bool(statement.kinematics.zero_on_axis),

@@ -11,14 +11,14 @@ change.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.quantities.summary import Price
 from signorini_fx.results.accuracy.contact_surface import ContactSurface
-from signorini_fx.results.accuracy.level_results import LevelResult, MeshCost
+from signorini_fx.results.accuracy.level_results import LevelResult
 from signorini_fx.results.accuracy.pressure_error import peak_error
 from signorini_fx.tuned import (
     CHANGES_USED,
@@ -34,32 +34,6 @@ from signorini_fx.tuned import (
     TIME_POWER,
     ZERO_IN_SOLUTION,
 )
-
-
-@dataclass(frozen=True)
-class Price(MeshCost):
-    """One row of the convergence table: ``MeshCost`` and errors; each is relative, None where it cannot be estimated
-    yet.
-
-    Attributes:
-        energy: error of the displacement, energy norm.
-        pressure: error of the contact pressure, L2(Gamma_c).
-        force: error of contact and friction force.
-        zone: error of the ends of the contact zones, relative to their length; in 3D of the contact area.
-        peak: error of the largest pressure.
-        regularisation: the part of ``energy`` due to gamma.
-        iteration: the part due to the iteration.
-        predicted: whether this is the next mesh, not solved yet.
-    """
-
-    energy: float | None
-    pressure: float | None
-    force: float | None
-    zone: float | None
-    peak: float | None
-    regularisation: float
-    iteration: float
-    predicted: bool = False
 
 
 def polygon_error_of(name: str, polygon: float) -> float:
@@ -109,9 +83,8 @@ def convergence_table(
                 elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
                 errors["peak"] = error + elsewhere + level.loads + polygon_error_of("peak", level.polygon)
         errors["zone"] = border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
-        level_fields = (*(field.name for field in fields(MeshCost)), "energy", "regularisation", "iteration")
-        row: dict[str, Any] = {name: getattr(level, name) for name in level_fields} | errors
-        rows.append(Price(**row))
+        known = {name: getattr(level, name) for name in Price.model_fields if name not in (*errors, "predicted")}
+        rows.append(Price(**known, **errors, predicted=False))
     last = levels[-1]
     following = predict(rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from)
     return [*rows, following]
@@ -198,16 +171,14 @@ def predict(
     expected = {**rates, "energy": seen_rate(rows, dimension)}
     errors = {name: getattr(last, name) / finer**rate for name, rate in expected.items() if getattr(last, name)}
     seconds, memory = powers(last.dofs * growth, dimension, krylov_from)
-    return replace(
-        last,
-        level=last.level + 1,
-        h=last.h / finer,
-        dofs=round(last.dofs * growth),
-        seconds=grown(last.seconds, previous.seconds, seen_growth, growth, seconds, least=LEAST_GROWING_TIME),
-        memory=grown(last.memory, previous.memory, seen_growth, growth, memory, offset=base_memory),
-        predicted=True,
-        **errors,
-    )
+    cost = {
+        "level": last.level + 1,
+        "h": last.h / finer,
+        "dofs": round(last.dofs * growth),
+        "seconds": grown(last.seconds, previous.seconds, seen_growth, growth, seconds, least=LEAST_GROWING_TIME),
+        "memory": grown(last.memory, previous.memory, seen_growth, growth, memory, offset=base_memory),
+    }
+    return last.model_copy(update={**cost, **errors, "predicted": True})
 
 
 def grown(

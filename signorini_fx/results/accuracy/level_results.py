@@ -23,8 +23,8 @@ from signorini_fx.results.accuracy.error_estimates import Errors
 
 
 @dataclass(frozen=True)
-class MeshCost:
-    """A mesh and the cost of a solve on it.
+class LevelResult:
+    """A mesh, the cost of a solve on it, its results and errors.
 
     Attributes:
         level: its number, the coarsest is 0.
@@ -34,22 +34,6 @@ class MeshCost:
         factorisations: of them with a new factorisation.
         seconds: wall time of everything on this mesh, largest over the ranks.
         memory: peak memory so far of all ranks together, MB.
-    """
-
-    level: int
-    h: float
-    dofs: int
-    linear_solves: int
-    factorisations: int
-    seconds: float
-    memory: float
-
-
-@dataclass(frozen=True)
-class LevelResult(MeshCost):
-    """Results and errors on one mesh; its cost is that of ``MeshCost``.
-
-    Attributes:
         energy: estimated discretisation error, relative in the energy norm, loads included.
         pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact, and where it is not
             known, as nothing of contact is then.
@@ -64,6 +48,13 @@ class LevelResult(MeshCost):
         krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
     """
 
+    level: int
+    h: float
+    dofs: int
+    linear_solves: int
+    factorisations: int
+    seconds: float
+    memory: float
     energy: float
     pressure: float | None
     loads: float
