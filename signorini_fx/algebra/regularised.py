@@ -35,8 +35,8 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.points import ContactPoints, shares
 from signorini_fx.algebra.contact.statics import Escape, no_balance
-from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.algebra.linalg.blocks import change_added, is_by_blocks, with_added
+from signorini_fx.algebra.linalg import ElasticSystem, is_by_blocks
+from signorini_fx.algebra.linalg.blocks import change_added, with_added
 from signorini_fx.algebra.linalg.petsc_calls import called_back
 from signorini_fx.machine import parallel
 from signorini_fx.records import Status

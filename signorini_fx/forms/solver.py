@@ -19,7 +19,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.linalg.elasticity import LoadCase
+from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of

@@ -12,8 +12,7 @@ import numpy.typing as npt
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.linalg import ElasticSystem
-from signorini_fx.algebra.linalg.elasticity import LoadCase
+from signorini_fx.algebra.linalg import ElasticSystem, LoadCase
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import shared_in

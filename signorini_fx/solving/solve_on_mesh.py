@@ -12,9 +12,8 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.linalg import ElasticSystem
+from signorini_fx.algebra.linalg import Elasticity, ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
-from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.body.discretisation import discretise, moved_since, placed
 from signorini_fx.mechanics.contact_points.contact_state import ContactState

@@ -51,12 +51,12 @@ def test_nothing_else_holds_the_body():
     from from_scipy import from_scipy, task_of
 
     from signorini_fx.algebra.algorithms.strategy import solve_task
-    from signorini_fx.algebra.linalg.full import FullSystem
+    from signorini_fx.algebra.linalg import ElasticSystem
     from signorini_fx.records import Status
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
     elasticity, motions = from_scipy(stiffness, -load, operator, weight, prescribed=prescribed, modes=modes)
-    task = task_of(FullSystem.of(elasticity), motions, gap)
+    task = task_of(ElasticSystem.of(elasticity), motions, gap)
     assert solve_task(task, task.start).status is Status.OPEN
     assert task.history.linear_solves == 0
 
@@ -70,11 +70,11 @@ def test_another_load_on_the_same_factor(kind):
 
     from signorini_fx.algebra import Settings
     from signorini_fx.algebra.algorithms.strategy import solve_task
+    from signorini_fx.algebra.linalg import ElasticSystem
     from signorini_fx.algebra.linalg.condensed import CondensedSystem
-    from signorini_fx.algebra.linalg.full import FullSystem
 
     stiffness, load, operator, weight, gap, prescribed, modes = algebra_alone.matrices()
-    make = {"full": FullSystem, "condensed": CondensedSystem}[kind]
+    make = {"full": ElasticSystem, "condensed": CondensedSystem}[kind]
     bodies = [from_scipy(stiffness, f, operator, weight, prescribed=prescribed, modes=modes) for f in (load, 2 * load)]
     system, other = (make.of(elasticity) for elasticity, _ in bodies)
     motions = bodies[0][1]

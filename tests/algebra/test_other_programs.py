@@ -11,14 +11,14 @@ from spaces import box
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
-from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 
 YOUNG, POISSON, F, SIDE = 1000.0, 0.3, 0.3, 3
 PUSH, PULL = (4e-3, 1e-3, -1e-2), (0.0, 2.0, 0.0)
-SYSTEMS = {"full": FullSystem, "condensed": CondensedSystem}
+SYSTEMS = {"full": ElasticSystem, "condensed": CondensedSystem}
 
 
 def gap(x):

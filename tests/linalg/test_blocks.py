@@ -16,7 +16,7 @@ from scenes import example1, same_answer
 from spaces import LAWS, block, box
 from two_bodies import paraboloids
 
-from signorini_fx.algebra.linalg import blocks, factorisation, kernels, krylov, petsc_calls
+from signorini_fx.algebra.linalg import blocks, factorisation, is_by_blocks, kernels, krylov, petsc_calls
 from signorini_fx.errors import MachineError
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness, block_stiffness
 from signorini_fx.mechanics.body import elastic_body
@@ -85,7 +85,7 @@ def either(monkeypatch):
 
             def watched(self, ksp, *, _steps=steps, _kinds=kinds, **how):
                 configure(self, ksp, **how)
-                _kinds.add(blocks.is_by_blocks(self.matrix))
+                _kinds.add(is_by_blocks(self.matrix))
                 ksp.setPostSolve(lambda solver, b, x: _steps.append((b.getSize(), solver.getIterationNumber())))
 
             monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", fewest)

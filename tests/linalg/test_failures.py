@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from scenes import example1
 
 from signorini_fx import ConvergenceError, solve_to_accuracy
-from signorini_fx.algebra.linalg.full import FullSystem
+from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.algebra.linalg.petsc_calls import called_back, memory_ended
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.statement.settings import Accuracy
@@ -34,7 +34,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.factorisation import FACTOR_DEFAULTS, use_factorisation
+from signorini_fx.algebra.linalg.factorisation import use_factorisation
 from signorini_fx.algebra.linalg.petsc_calls import factor_lacks_memory, memory_ended, unprinted
 
 def solver(size, sign, symmetric):
@@ -52,7 +52,7 @@ def solver(size, sign, symmetric):
     return ksp
 
 def told(ksp):
-    with petsc_options.defaults(FACTOR_DEFAULTS), unprinted():
+    with petsc_options.defaults(), unprinted():
         try:
             ksp.setUp()
         except PETSc.Error as error:
@@ -69,14 +69,14 @@ print(*map(told, solvers))
 
 def lacking(fault, monkeypatch, above=0):
     """Let each matrix with more unknowns than these have no factor."""
-    kept = FullSystem.keep_factor
+    kept = ElasticSystem.keep_factor
 
     def keep(self, *args, **how):
         if self.matrix.getSize()[0] > above:
             raise FAULTS[fault][0]()
         return kept(self, *args, **how)
 
-    monkeypatch.setattr(FullSystem, "keep_factor", keep)
+    monkeypatch.setattr(ElasticSystem, "keep_factor", keep)
 
 
 def test_packages_that_run_out():
@@ -117,7 +117,7 @@ def test_without_contact(fault, monkeypatch):
     held = PrescribedDisplacement(boundary="bottom", x=0.0, y=0.0)
     scene = scene.model_copy(update={"contact": (), "displacement": (held,)})
     assert solve(scene, MPI.COMM_SELF, check=False).status is Status.CONVERGED
-    monkeypatch.setattr(FullSystem, "configure", configure)
+    monkeypatch.setattr(ElasticSystem, "configure", configure)
     assert solve(scene, MPI.COMM_SELF, check=False).status is FAULTS[fault][1]
 
 

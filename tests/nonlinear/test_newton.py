@@ -9,7 +9,7 @@ from mpi4py import MPI
 from support.nonlinear_bodies import MU, PLATE, held, neo_hooke, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
-from signorini_fx.algebra.linalg.blocks import is_by_blocks
+from signorini_fx.algebra.linalg import is_by_blocks
 
 
 @pytest.mark.one_quick

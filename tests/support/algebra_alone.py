@@ -60,13 +60,13 @@ def main(kind, algorithm, law, value, out):
     from signorini_fx.algebra import Settings
     from signorini_fx.algebra.algorithms.strategy import solve_task
     from signorini_fx.algebra.contact.friction import PointFriction
+    from signorini_fx.algebra.linalg import ElasticSystem
     from signorini_fx.algebra.linalg.condensed import CondensedSystem
-    from signorini_fx.algebra.linalg.full import FullSystem
     from signorini_fx.algebra.linalg.krylov import KrylovSystem
 
     stiffness, load, operator, weight, gap, prescribed, modes = matrices()
     elasticity, motions = from_scipy(stiffness, load, operator, weight, prescribed=prescribed, modes=modes)
-    system = {"full": FullSystem, "condensed": CondensedSystem, "krylov": KrylovSystem}[kind].of(elasticity)
+    system = {"full": ElasticSystem, "condensed": CondensedSystem, "krylov": KrylovSystem}[kind].of(elasticity)
     none = np.zeros(weight.size)
     friction = PointFriction(**({"given": none, "coefficient": none} | {law: none + float(value)}))
     settings = Settings(algorithm=algorithm, tolerance=1e-11, gamma_n=GAMMA, gamma_t=GAMMA)

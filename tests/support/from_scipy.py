@@ -15,7 +15,7 @@ from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.algebra.contact.points import ContactPoints, PointGroups
-from signorini_fx.algebra.linalg.elasticity import Elasticity, LoadCase
+from signorini_fx.algebra.linalg import Elasticity, LoadCase
 from signorini_fx.records import History
 from signorini_fx.tuned import SAME_NUMBER
 

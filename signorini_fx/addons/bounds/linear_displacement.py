@@ -17,7 +17,7 @@ from petsc4py import PETSc
 
 from signorini_fx.addons.bounds.simplices import COLUMNS, ROWS, TWICE, Array, Ints, Simplices, motions_of
 from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.factorisation import FACTOR_DEFAULTS, use_factorisation
+from signorini_fx.algebra.linalg.factorisation import use_factorisation
 from signorini_fx.tuned import NOTHING_LEFT, ZERO_IN_SOLUTION
 
 
@@ -183,6 +183,6 @@ def solved(upper: sp.csr_matrix, right: Array) -> Array:
     solver.setErrorIfNotConverged(True)
     vector, solution = matrix.createVecs()
     vector.setArray(right)
-    with petsc_options.defaults(FACTOR_DEFAULTS):
+    with petsc_options.defaults():
         solver.solve(vector, solution)
     return np.array(solution.getArray(readonly=True), dtype=np.float64)

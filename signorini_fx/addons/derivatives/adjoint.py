@@ -210,7 +210,7 @@ class TransposedTangent:
         self.ksp = PETSc.KSP().create(system.comm)
         self.ksp.setOptionsPrefix(petsc_options.PREFIX)
         self.ksp.setOperators(matrix)
-        with petsc_options.defaults(system.solver_defaults):
+        with petsc_options.defaults():
             self.system.configure(self.ksp, symmetric=symmetric)
             self.ksp.setFromOptions()
         if symmetric:
@@ -222,7 +222,7 @@ class TransposedTangent:
         """Solve for one right-hand side, by a Krylov method to a residual against ``forces``; collective."""
         self.system.keep_factor(self.ksp, False, forces, exact=True)
         x.set(0.0)
-        with petsc_options.defaults(self.system.solver_defaults), unprinted():
+        with petsc_options.defaults(), unprinted():
             petsc_calls.solve(self.ksp.solveTranspose if self._as_it_is else self.ksp.solve, right, x)
         if self.ksp.getConvergedReason() < 0:
             raise SignoriniError("the linear solver has failed for the tangent at the solution: there is no derivative")

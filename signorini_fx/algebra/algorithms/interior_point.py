@@ -309,7 +309,7 @@ class _Programme:
         problem.system.keep_factor(ksp, False, problem.force_scale, exact=exact)
         ksp.getPC().setReusePreconditioner(False)
         change.set(0.0)
-        with petsc_options.defaults(problem.system.solver_defaults), unprinted():
+        with petsc_options.defaults(), unprinted():
             ksp.solve(self._force, change)
         problem.factorised(jacobian)
         change.scale(-1.0)

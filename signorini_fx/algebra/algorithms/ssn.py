@@ -214,7 +214,7 @@ class SemismoothNewton:
         self._may_propose = given and self._symmetric and max_iterations is None
         self._slow = False
         try:
-            with petsc_options.defaults(self.problem.system.solver_defaults), unprinted():
+            with petsc_options.defaults(), unprinted():
                 status = self._run(data, limit)
         except (PETSc.Error, MemoryError) as error:
             status = self.outcome_of(error)

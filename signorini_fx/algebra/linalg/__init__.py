@@ -5,10 +5,10 @@ This package knows matrices, factorisations and PETSc's options.  It must not kn
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
-from signorini_fx.algebra.linalg.elasticity import LoadCase
+from signorini_fx.algebra.contact.motions import RigidLoad, total_work
+from signorini_fx.algebra.linalg.factorisation import use_factorisation
+
+if TYPE_CHECKING:
+    from signorini_fx.algebra.linalg.schur import SchurComplement
 
 # How the entries of a matrix that is added lie beside those of the sum.
 DIFFERENT_PATTERN = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
@@ -24,46 +28,139 @@ SUBSET_PATTERN = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
 SAME_PATTERN = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
 
 
+@dataclass(frozen=True)
+class LoadCase:
+    """Loads and prescribed displacements that change by a common factor.
+
+    Attributes:
+        load: b minus what the prescribed displacements contribute; in their rows their value times the diagonal entry.
+        start: the prescribed displacements; elsewhere anything, such as the rigid motion nearest to them.
+        resultant: work of the loads on the free rigid motions; what strains cause does no work on them.
+    """
+
+    load: PETSc.Vec
+    start: PETSc.Vec
+    resultant: RigidLoad
+
+
+class Level(Protocol):
+    """The unknowns of an elastic system on one mesh, and on a coarser one: a level of multigrid."""
+
+    @property
+    def coarser(self) -> Level | None:
+        """The next coarser level; None: there is none."""
+
+    @property
+    def block(self) -> int:
+        """Unknowns per node."""
+
+    @property
+    def interpolation(self) -> PETSc.Mat | None:
+        """From the unknowns on the coarser level, prescribed ones left out; None: there is none."""
+
+    @property
+    def positions(self) -> npt.NDArray[np.float64]:
+        """Of the unknowns of this rank, shape (n, 3)."""
+
+    @property
+    def stiffness(self) -> PETSc.Mat | None:
+        """The matrix on this mesh; None: it has other unknowns as well."""
+
+    def modes(self) -> PETSc.NullSpace:
+        """Rigid motions, orthonormal: what multigrid must not forget on its coarse levels."""
+
+
+@dataclass(frozen=True)
+class FarPoints:
+    """Contact points of the one rank that are not expected to touch, shape (n,), and unknowns that tell where they are,
+    as long as no others are known.
+    """
+
+    points: npt.NDArray[np.bool_]
+    at: PETSc.Vec
+
+
+@dataclass(frozen=True)
+class Elasticity:
+    """An elastic body without contact, and where contact is.
+
+    Attributes:
+        matrix: A, symmetric; prescribed rows and columns are empty but for the diagonal.
+        cases: the load cases.
+        contact: B, from the unknowns to the relative displacement at the contact points.
+        free: number of rigid motions that are free.
+        level: for multigrid; None: it has smoothed aggregation alone, with the near null space of the matrix.
+        definite: whether the matrix is positive semi-definite; with a pressure it is symmetric and indefinite, whose
+            Schur complement on the unknowns of contact is positive semi-definite.
+        rigid: how many unknowns of this rank are motions of rigid bodies, the last ones of the last rank.
+        symmetric: whether the matrix is; else it is not definite, and only a full system takes it.
+        far: points that a condensed system need not reach; None: there are none.
+        eliminated: what an earlier condensed system has made of the same matrix; None: there is none.
+    """
+
+    matrix: PETSc.Mat
+    cases: Sequence[LoadCase]
+    contact: ContactMap
+    free: int = 0
+    level: Level | None = None
+    definite: bool = True
+    rigid: int = 0
+    symmetric: bool = True
+    far: FarPoints | None = None
+    eliminated: SchurComplement | None = None
+
+    @property
+    def positions(self) -> npt.NDArray[np.float64] | None:
+        """Of the displacements of this rank, its first unknowns; None: not known."""
+        return None if self.level is None else self.level.positions
+
+
 @dataclass
-class ElasticSystem(ABC):
-    """A x = b for the elastic body without contact, and the contact map in its unknowns.
+class ElasticSystem:
+    """A x = b for the elastic body without contact, and the contact map in its unknowns: all those of the stiffness,
+    and a factorisation by a package on any number of ranks, unless another kind says something else.
 
     Attributes:
         matrix: A, symmetric; the contact iteration adds B^T D B to it.
+        contact: B, from x to the relative displacement at the contact points, and which entries of x are prescribed.
+        elasticity: what it is made of.
+        cases: the load cases.
+        definite: whether A is positive semi-definite.
         load: b, the load cases times their current factors.
         start: a vector x that satisfies the prescribed displacements times the same factors, elsewhere the rigid motion
             that is nearest to them.
         resultant: the work of the current loads on the free rigid motions, the same on all ranks, shape (k,);
             zero for an assembly whose loads balance each other to round-off.
-        contact: B, from x to the relative displacement at the contact points, and which entries of x are prescribed.
         inexact: whether the linear solver was last set to less than full accuracy, because the matrix was about to
             change.
     """
 
     matrix: PETSc.Mat
-    load: PETSc.Vec
-    start: PETSc.Vec
-    resultant: npt.NDArray[np.float64]
     contact: ContactMap
+    elasticity: Elasticity
+    cases: list[LoadCase]
+    definite: bool
 
     inexact = False
+
+    def __post_init__(self) -> None:
+        self.load, self.start = self.matrix.createVecRight(), self.matrix.createVecRight()
+        self.set_load(np.ones(len(self.cases)))
+
+    @classmethod
+    def of(cls, elasticity: Elasticity) -> Self:
+        """The system of an elasticity, with all load cases once."""
+        e = elasticity
+        matrix = e.matrix if is_by_blocks(e.matrix) else row_by_row(e.contact.admitted(e.matrix))
+        if e.definite:
+            matrix.setOption(PETSc.Mat.Option.SPD, True)
+        return cls(matrix, e.contact, e, list(e.cases), e.definite)
 
     @property
     def comm(self) -> MPI.Comm:
         """The ranks that share the system."""
         return self.contact.points.comm
 
-    @property
-    @abstractmethod
-    def definite(self) -> bool:
-        """Whether A is positive semi-definite."""
-
-    @property
-    def solver_defaults(self) -> dict[str, str]:
-        """PETSc options (without prefix) that apply during the solve unless the user has set them."""
-        return {}
-
-    @abstractmethod
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
         """Set the default linear solver for A plus contact blocks.
 
@@ -73,6 +170,7 @@ class ElasticSystem(ABC):
             ksp: the linear solver; it has its operators already, so far A alone.
             symmetric: whether they will be.
         """
+        use_factorisation(ksp, symmetric=symmetric and self.elasticity.symmetric, definite=self.definite)
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
         """Set a factorisation in place of the default solver, where that has failed; collective.
@@ -98,13 +196,22 @@ class ElasticSystem(ABC):
         """
         return unchanged
 
-    @abstractmethod
     def set_load(self, factors: npt.NDArray[np.float64]) -> None:
         """Make ``load`` and ``start`` those of the load cases times their factors, one for each."""
+        self.load.set(0.0)
+        self.start.set(0.0)
+        for factor, case in zip(factors, self.cases, strict=True):
+            self.load.axpy(factor, case.load)
+            self.start.axpy(factor, case.start)
+        self._set_resultant(factors)
 
-    @abstractmethod
+    def _set_resultant(self, factors: npt.NDArray[np.float64]) -> None:
+        resultants = (case.resultant for case in self.cases)
+        self.resultant = total_work(list(zip(factors, resultants, strict=True)), self.elasticity.free)
+
     def set_case(self, number: int, case: LoadCase) -> None:
         """Replace a load case from the next ``set_load`` on; nothing is factorised again."""
+        self.cases[number] = case
 
     def with_load(self, load: PETSc.Vec) -> Self:
         """The same matrix with this load of all unknowns of the stiffness alone."""
@@ -124,6 +231,11 @@ class ElasticSystem(ABC):
 def finite(values: PETSc.Mat | PETSc.Vec) -> bool:
     """Whether all entries are finite; collective."""
     return bool(np.isfinite(values.norm(PETSc.NormType.NORM_INFINITY)))
+
+
+def is_by_blocks(matrix: PETSc.Mat) -> bool:
+    """Whether the entries of a matrix are blocks."""
+    return bool(matrix.getType() == PETSc.Mat.Type.PYTHON)
 
 
 def row_by_row(matrix: PETSc.Mat) -> PETSc.Mat:

@@ -15,7 +15,14 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, petsc_options, row_by_row
+from signorini_fx.algebra.linalg import (
+    DIFFERENT_PATTERN,
+    SAME_PATTERN,
+    SUBSET_PATTERN,
+    is_by_blocks,
+    petsc_options,
+    row_by_row,
+)
 from signorini_fx.algebra.linalg.petsc_calls import called_back
 
 if TYPE_CHECKING:
@@ -189,11 +196,6 @@ def block_matrix(rows: BlockRows, comm: Any) -> PETSc.Mat:
     """The matrix of the rows of all ranks; collective."""
     size = ((rows.starts.size - 1) * rows.size, None)
     return _python_matrix(BlockStiffness(rows), (size, size), rows.size, comm)
-
-
-def is_by_blocks(matrix: PETSc.Mat) -> bool:
-    """Whether the entries of a matrix are blocks."""
-    return bool(matrix.getType() == PETSc.Mat.Type.PYTHON)
 
 
 def with_added(stiffness: PETSc.Mat, added: PETSc.Mat) -> PETSc.Mat:

@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import ElasticSystem, petsc_options
-from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks
+from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, is_by_blocks, petsc_options
+from signorini_fx.algebra.linalg.blocks import by_entries
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
-from signorini_fx.algebra.linalg.elasticity import Elasticity
 from signorini_fx.algebra.linalg.factorisation import can_factorise, enough_memory, factor_memory, has_package
-from signorini_fx.algebra.linalg.full import FullSystem
 from signorini_fx.tuned import (
     DENSE_SPEED,
     FACTOR_SECONDS,
@@ -55,13 +53,13 @@ def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> t
     except PETSc.Error:
         if kind != "condensed":
             raise
-        return FullSystem.of(elasticity), "full: MUMPS could not condense the system"
+        return ElasticSystem.of(elasticity), "full: MUMPS could not condense the system"
 
 
 def _system(kind: str, elasticity: Elasticity) -> ElasticSystem:
     """Of this kind; the modules of those that few problems get are imported here."""
     if kind == "full":
-        return FullSystem.of(elasticity)
+        return ElasticSystem.of(elasticity)
     if kind == "condensed":
         return CondensedSystem.of(elasticity)
     if kind == "krylov":

@@ -68,17 +68,6 @@ def enough_memory(comm: MPI.Comm, needed: float) -> bool:
     return needed <= MEMORY_SHARE * parallel.machine_memory(comm)
 
 
-# PETSc options: MUMPS takes more memory (per cent) than it predicts if large contact blocks disturb the pivot order;
-# minimum degree is its quickest order on few ranks; CHOLMOD's own nested dissection has half the fill of its default
-# orderings on large meshes.
-FACTOR_DEFAULTS = {
-    "mat_mumps_icntl_14": "100",
-    "mat_mumps_icntl_7": "0",
-    "mat_cholmod_default_nesdis": "true",
-    "mat_cholmod_print": "0",
-}
-
-
 def use_factorisation(ksp: PETSc.KSP, *, symmetric: bool, definite: bool = True) -> None:
     """Make a linear solver a direct one: Cholesky if the matrix is symmetric, else LU."""
     ksp.setType(PETSc.KSP.Type.PREONLY)

@@ -15,18 +15,15 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.blocks import is_by_blocks, use_entries
-from signorini_fx.algebra.linalg.elasticity import Elasticity
+from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, is_by_blocks, petsc_options
+from signorini_fx.algebra.linalg.blocks import use_entries
 from signorini_fx.algebra.linalg.factorisation import (
-    FACTOR_DEFAULTS,
     can_factorise,
     enough_memory,
     factor_memory,
     use_factor,
     use_factorisation,
 )
-from signorini_fx.algebra.linalg.full import AssembledSystem
 from signorini_fx.algebra.linalg.multigrid import ContactLevels, ContactPreconditioner, Hierarchy
 from signorini_fx.algebra.linalg.petsc_calls import call, called_back, weakly
 from signorini_fx.machine import parallel
@@ -34,7 +31,7 @@ from signorini_fx.tuned import ATTAINABLE_SHARE, INEXACT_TOLERANCE, KRYLOV_STEPS
 
 
 @dataclass
-class KrylovSystem(AssembledSystem):
+class KrylovSystem(ElasticSystem):
     """Solved by CG or FGMRES with multigrid."""
 
     _forces: float = 0.0
@@ -64,12 +61,6 @@ class KrylovSystem(AssembledSystem):
         matrix.setBlockSize(self.contact.points.dimension)
         if self.elasticity.level is not None:
             matrix.setNearNullSpace(self.elasticity.level.modes())
-
-    @property
-    def solver_defaults(self) -> dict[str, str]:
-        """For factorisations; on the coarsest level PETSc calls pivots zero below a number that has no unit."""
-        coarse = {f"mg_coarse_{sub}pc_factor_zeropivot": "1e-300" for sub in ("", "sub_")}
-        return {**coarse, **FACTOR_DEFAULTS}
 
     @cached_property
     def hierarchy(self) -> Hierarchy:

@@ -25,9 +25,8 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
-from signorini_fx.algebra.linalg import petsc_options, row_by_row
-from signorini_fx.algebra.linalg.blocks import by_entries, is_by_blocks
-from signorini_fx.algebra.linalg.elasticity import Level
+from signorini_fx.algebra.linalg import Level, is_by_blocks, petsc_options, row_by_row
+from signorini_fx.algebra.linalg.blocks import by_entries
 from signorini_fx.algebra.linalg.factorisation import use_direct
 from signorini_fx.algebra.linalg.petsc_calls import call, called_back
 from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies

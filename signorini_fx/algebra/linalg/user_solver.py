@@ -14,9 +14,7 @@ from typing import Protocol
 
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import petsc_options
-from signorini_fx.algebra.linalg.elasticity import Elasticity
-from signorini_fx.algebra.linalg.full import AssembledSystem
+from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, petsc_options
 from signorini_fx.algebra.linalg.petsc_calls import called_back, weakly
 from signorini_fx.extensions import LINEAR_SOLVERS, load
 from signorini_fx.tuned import KRYLOV_STEPS, LEFT_BY_SOLVES, NO_FORCE, ZERO_COMPONENT
@@ -58,7 +56,7 @@ def _judge(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
 
 
 @dataclass
-class UserSystem(AssembledSystem):
+class UserSystem(ElasticSystem):
     """All unknowns, and a linear solver of another package, which ``solver`` makes."""
 
     solver: type[LinearSolver] | None = None

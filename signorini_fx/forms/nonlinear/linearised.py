@@ -24,8 +24,8 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets, classify
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
+from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
-from signorini_fx.algebra.linalg.elasticity import LoadCase
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body

@@ -23,9 +23,8 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions, ReferenceMotion
-from signorini_fx.algebra.linalg import ElasticSystem, petsc_options, row_by_row
+from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, FarPoints, LoadCase, petsc_options, row_by_row
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
-from signorini_fx.algebra.linalg.elasticity import Elasticity, FarPoints, LoadCase
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in

@@ -85,7 +85,7 @@ def make_ready(newton: SemismoothNewton) -> None:
         newton.pose(problem.data, problem.sets)
         problem.assemble_jacobian(newton.snes, newton.x, jacobian)
         problem.factorised(jacobian)
-        with petsc_options.defaults(problem.system.solver_defaults):
+        with petsc_options.defaults():
             petsc_calls.solve(newton.snes.getKSP().setUp)
 
 
