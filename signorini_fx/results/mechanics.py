@@ -47,9 +47,9 @@ class SolidBody(Model, ABC):
         assert self.data is not None
         pairs: dict[int, PairPoints] = {}
         if self.pairs:
-            from signorini_fx.results.certificate.pair_points import FrozenPoints
+            from signorini_fx.results.certificate.pair_points import PairPoints
 
-            pairs = {number: FrozenPoints(pair) for number, pair in self.pairs.items()}
+            pairs = {number: PairPoints.of(pair) for number, pair in self.pairs.items()}
         return ContactConditions(self.boundary, self.data.gap, self.law, self.data.bilateral, pairs)
 
     @abstractmethod

@@ -8,7 +8,6 @@ Both sides share F, the shapes, and the values of friction at the nodes.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -21,13 +20,14 @@ from signorini_fx.forms.given_forms import Facets, conditions_of
 from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.mechanics.loads.supports import prescribed
+from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.certificate.law_of_method import Tractions
-from signorini_fx.results.certificate.pair_points import FrozenPoints, PairPoints, SlidingPoints
+from signorini_fx.results.certificate.pair_points import PairPoints
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.stresses import RawStresses
@@ -130,8 +130,8 @@ def conditions_at(
         data[number] = replace(data[number], gap=allowance)
     boundary = linear.points([entry.shape for entry in data], fixed, values)
     regularised, law = foundations.problem(boundary, data, Settings.of(linear.settings), linear.scales)
-    pairs: dict[int, PairPoints] = {number: FrozenPoints(pair) for number, pair in foundations.pairs.items()}
-    pairs |= {number: SlidingPoints(copy(pair)) for number, pair in linear.pairs.items()}
+    both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **linear.pairs}
+    pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
     return ContactConditions(boundary, regularised.gap, law, regularised.bilateral, pairs)
 
 
