@@ -32,7 +32,7 @@ _RATIONAL = 12
 _PARALLELOGRAMS = 4
 # Of Gauss' rule in [-1, 1] for a segment of the overlap in 2D, which belongs to the definition of the map: integrands
 # are rational where normals turn, and not polynomials on curved facets.
-PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
+_PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
 
 
 @dataclass(frozen=True)
@@ -273,14 +273,14 @@ def plane_overlap(
     corners = slave.corners[slave_facets]
     at_ends = [np.full((len(master_facets), 1, 1), parameter) for parameter in (0.0, 1.0)]
     vertices = np.concatenate([master.positions(master_facets, end)[:, 0] for end in at_ends])
-    ends: Array = _under(slave, np.tile(corners, (2, 1, 1)), np.tile(normals, (2, 1, 1)), vertices)
+    ends: Array = place_under(slave, np.tile(corners, (2, 1, 1)), np.tile(normals, (2, 1, 1)), vertices)
     ends = ends.reshape(2, -1).T.copy()  # of each pair: the images of both ends
     ends.sort(axis=1)
     meets = ends[:, 1] - ends[:, 0] > NOTHING_LEFT
     slave_facets, master_facets = slave_facets[meets], master_facets[meets]
     ends, normals, corners = ends[meets], normals[meets], corners[meets]
     width = ends[:, 1] - ends[:, 0]
-    at = ends[:, :1] + width[:, None] * (PLACES_OF_RULE + 1) / 2
+    at = ends[:, :1] + width[:, None] * (_PLACES_OF_RULE + 1) / 2
     shape = slave.functions.values(at[..., None])
     x, normal = np.einsum("mqk,mkd->mqd", shape, corners), np.einsum("mqk,mkd->mqd", shape, normals)
     over = _over(master, master.corners[master_facets], x, normal)
@@ -300,7 +300,7 @@ def patches(side: PairSurface, facets: Indices) -> Patches:
     return Patches(side.corners[facets], middle / np.linalg.norm(middle, axis=1, keepdims=True))
 
 
-def _under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array:
+def place_under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array:
     """The place s in [0, 1] of the slave point under each point of shape (m, d), or the end beyond which it is."""
     ends = side.functions.values(np.array([[0.0], [1.0]]))
     at_ends, outward = ends @ corners, ends @ normals

@@ -26,8 +26,16 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
-from signorini_fx.mechanics.pairs.overlap import PLACES_OF_RULE, axes_across, projected_places
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, of_blocks, turned_normals, turning_of
+from signorini_fx.mechanics.pairs.overlap import axes_across, place_under, projected_places
+from signorini_fx.mechanics.pairs.pair_side import (
+    Lagrange,
+    PairSurface,
+    beside,
+    of_blocks,
+    of_components,
+    turned_normals,
+    turning_of,
+)
 from signorini_fx.tuned import NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
@@ -92,23 +100,23 @@ class SlidingPieces:
             mean: see ``SlidingPieces``.
         """
         overlap, dim, first = tested.overlap, slave.dimension, len(slave.x)
-        projection: Projection = (ways_in_plane if dim == 2 else ways_in_space)(slave, overlap, directions)
-        total, way = first + len(master.x), projection.way
-        turning = sp.hstack((projection.turning, sp.csr_array((projection.turning.shape[0], dim * len(master.x)))))
+        projection, total = Projection.of(slave, directions), first + len(master.x)
+        turning = beside(projection.turning, sp.csr_array((projection.turning.shape[0], dim * len(master.x))))
         spread = sp.csr_array(sp.vstack((sp.eye_array(dim * total), turning)))
         seen, over = slave.nodes[overlap.slave], master.nodes[overlap.master]
-        blocks = np.column_stack((seen, first + over, total + projection.numbers))
+        blocks = np.column_stack((seen, first + over, total + projection.numbers[overlap.slave]))
+        way, turns = projection.at(overlap.slave, overlap.at)
         distance = np.einsum("pqd,pqd->pq", overlap.distance(slave, master), way)
         shape, shape_over = slave.functions.values(overlap.at), master.functions.values(overlap.over)
-        share = np.concatenate((-shape, shape_over, -distance[..., None] * projection.turns), axis=2)
+        share = np.concatenate((-shape, shape_over, -distance[..., None] * turns), axis=2)
         slope, corners = master.functions.slopes(overlap.over), master.corners[overlap.master]
         along = np.einsum("apqk,pkd->pqad", slope, corners)
         inverse = np.linalg.inv(np.concatenate((along, way[:, :, None]), axis=2))
         facing, dual = inverse[..., -1], np.moveaxis(inverse[..., :-1], 3, 0)
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
         curved = np.einsum("pqd,k,pkd->pq", facing, curvatures, corners, optimize=True)
-        kinks = (seen_vertices if dim == 2 else seen_edges)(slave, master, tested, directions)
-        points, turns, bend = slave.points[overlap.slave], projection.turns, master.directions[over]
+        kinks = Kinks.of(slave, master, tested, projection)
+        points, bend = slave.points[overlap.slave], master.directions[over]
         directed = (facing, facing - way, dual, distance)
         return cls(mean, points, tested.weighted, blocks, spread, share, turns, slope, *directed, curved, bend, kinks)
 
@@ -194,19 +202,47 @@ class SlidingPieces:
 
 @dataclass(frozen=True)
 class Projection:
-    """The directions N along which the points of p pieces see the other side, and what turns them.
+    """The directions N along which points of the slave see the other side, and what turns them.
+
+    In 2D N is between the directions at the nodes of a facet, which turn as its normals do.  In 3D a facet has one,
+    that of ``overlap``, which turns as the slave does around its nodes.
 
     Attributes:
-        way: N, shape (p, q, d).
-        turning: vectors that turn N, from displacements of the slave, sparse, shape (d v, d N).
-        numbers: which of them a piece depends on, shape (p, r).
-        turns: their shares in dN, which has no part along N, shape (p, q, r).
+        vectors: of length one, shape (v, d).
+        numbers: which of them N of each facet is made of, shape (f, r).
+        functions: of each of them along a facet; None: there is one.
+        turning: what turns them, from displacements of the slave, sparse, shape (d v, d N).
     """
 
-    way: Array
-    turning: sp.csr_array
+    vectors: Array
     numbers: Indices
-    turns: Array
+    functions: Lagrange | None
+    turning: sp.csr_array
+
+    @classmethod
+    def of(cls, slave: PairSurface, directions: Array) -> Projection:
+        """From those at the nodes of the slave, of length one, shape (N, d)."""
+        if slave.dimension == 2:
+            turns = of_blocks(np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals)))
+            return cls(directions, slave.nodes, slave.functions, sp.csr_array(turns @ turned_normals(slave)))
+        facets, shape = len(slave.nodes), slave.functions.values(slave.functions.parts[0].mean(axis=0))
+        sums = np.einsum("k,fkd->fd", shape, directions[slave.nodes])
+        length = np.linalg.norm(sums, axis=1)
+        ways = sums / length[:, None]
+        at = np.repeat(np.arange(facets), len(shape)), slave.nodes.ravel()
+        mean = sp.csr_array((np.tile(shape, facets), at), shape=(facets, len(slave.x)))
+        across = of_blocks((np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None])
+        turning = across @ of_components(mean, 3) @ turning_of(_around(slave), slave.x, directions)
+        return cls(ways, np.arange(facets)[:, None], None, sp.csr_array(turning))
+
+    def at(self, facets: Indices, places: Array) -> tuple[Array, Array]:
+        """N at points of facets, shape (m, q, d - 1), and the shares of the vectors in dN, which has no part along N:
+        shapes (m, q, d) and (m, q, r).
+        """
+        shape = np.ones((*places.shape[:2], 1)) if self.functions is None else self.functions.values(places)
+        ways = shape @ self.vectors[self.numbers[facets]]
+        length = np.linalg.norm(ways, axis=2, keepdims=True)
+        return ways / length, shape / length
 
 
 @dataclass(frozen=True)
@@ -227,6 +263,51 @@ class Kinks:
     share: Array
     across: Array
 
+    @classmethod
+    def of(cls, slave: PairSurface, master: PairSurface, tested: Tested, projection: Projection) -> Kinks:
+        """Those between two facets of the master that one facet of the slave sees."""
+        overlap, dim, count = tested.overlap, slave.dimension, len(slave.x)
+        seen = np.unique(np.column_stack((overlap.slave, overlap.master)), axis=0)
+        around = _around_facet(master)[seen[:, 1]]
+        ends = np.stack([np.roll(around, -k, axis=1) for k in range(dim - 1)], axis=2)
+        facet, partner = (np.repeat(column, ends.shape[1]) for column in seen.T)
+        ends = np.sort(ends.reshape(-1, dim - 1), axis=1)
+        order = np.lexsort((*ends.T, facet))
+        keys = np.column_stack((facet, ends))[order]
+        shared = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
+        facet, ends, pairs = facet[order[shared]], ends[order[shared]], partner[order[[shared, shared + 1]]]
+        met = (_at_vertices if dim == 2 else _on_edges)(slave, projection, facet, master.x[ends])
+        rows, at, of_end, lengths, across = met
+        facet, ends, pairs = facet[rows], ends[rows], pairs[:, rows]
+        # Which of both facets is behind as seen along n: from the middles of both.
+        middles = master.corners[pairs].mean(axis=2)
+        swapped = np.einsum("md,md->m", middles[1] - middles[0], across) < 0
+        (way,), (turns,) = (values.swapaxes(0, 1) for values in projection.at(facet, at[:, None]))
+        steep = []
+        for numbers in pairs:
+            corner = (master.nodes[numbers][:, :, None] == ends[:, None]).argmax(axis=1)
+            on_facet = np.einsum("ve,ved->vd", of_end, master.functions.places[corner])
+            normal = master.normals(numbers, on_facet[:, None])[:, 0]
+            steep.append(-np.einsum("vd,vd->v", normal, across) / np.einsum("vd,vd->v", normal, way))
+        jump = np.where(swapped, steep[0] - steep[1], steep[1] - steep[0])
+        shape = slave.functions.values(at)
+        apart = np.einsum("ve,ved->vd", of_end, master.x[ends]) - np.einsum("vk,vkd->vd", shape, slave.corners[facet])
+        distance = np.einsum("vd,vd->v", apart, way)
+        projected = np.einsum("vd,vd->v", slave.normals(facet, at[:, None])[:, 0], way)
+        if dim == 2:  # N turns along a facet
+            bent = np.einsum("vk,vkd->vd", slave.functions.slopes(at)[0], projection.vectors[slave.nodes[facet]])
+            length = np.linalg.norm(np.einsum("vk,vkd->vd", shape, projection.vectors[slave.nodes[facet]]), axis=1)
+            projected = projected + slave.sign[facet] * distance * np.einsum("vd,vd->v", bent, across) / length
+        true = slave.measured(facet, at[:, None], slave.sizes(facet, at[:, None]))[:, 0]
+        functions = np.einsum("vij,vj->vi", tested.coefficients[facet], slave.tests.values(at))
+        functions *= (jump * lengths * true / np.abs(projected))[:, None]
+        numbers = np.broadcast_to(np.arange(len(at))[:, None], functions.shape)
+        entries = functions.ravel(), (slave.points[facet].ravel(), numbers.ravel())
+        turned = count + len(master.x) + projection.numbers[facet]
+        blocks = np.column_stack((slave.nodes[facet], count + ends, turned))
+        share = np.column_stack((-shape, of_end, -distance[:, None] * turns))
+        return cls(sp.csr_array(entries, shape=(count, len(at))), blocks, share, across)
+
     def passing(self, count: int) -> sp.csr_array:
         """How far they pass by, (d_m - d_s - g dN) . n, of so many components of vectors, sparse, shape (v, count)."""
         values = self.share[..., None] * self.across[:, None]
@@ -236,148 +317,51 @@ class Kinks:
         return sp.csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(len(values), count))
 
 
-def ways_in_plane(slave: PairSurface, overlap: Overlap, directions: Array) -> Projection:
-    """N between the directions at the nodes of a facet, of length one, shape (N, 2), which turn as its normals do."""
-    nodes, shape = slave.nodes[overlap.slave], slave.functions.values(overlap.at)
-    ways = shape @ directions[nodes]
-    length = np.linalg.norm(ways, axis=2, keepdims=True)
-    turns = of_blocks(np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals)))
-    return Projection(ways / length, sp.csr_array(turns @ turned_normals(slave)), nodes, shape / length)
-
-
-def seen_vertices(slave: PairSurface, master: PairSurface, tested: Tested, directions: Array) -> Kinks:
-    """Those of an overlap; for the arguments see ``SlidingPieces.of``."""
-    overlap = tested.overlap
-    at, over = overlap.at[..., 0], overlap.over[..., 0]
-    half = (at[:, -1] - at[:, 0]) / (2 * PLACES_OF_RULE[-1])
-    middle = (at[:, 0] + at[:, -1]) / 2
-    rises = over[:, -1] > over[:, 0]
-    ends, places = np.concatenate((middle - half, middle + half)), master.functions.places[:, 0]
-    first = np.concatenate((rises, ~rises))  # whether the vertex is at the beginning of the facet
-    piece = np.tile(np.arange(len(at)), 2)
-    vertex = master.nodes[overlap.master[piece], np.where(first, places.argmin(), places.argmax())]
-    upper = np.repeat([False, True], len(at))
-    inside = (ends > NOTHING_LEFT) & (ends < 1.0 - NOTHING_LEFT)
-    facet = overlap.slave[piece]
-    key = facet * len(master.x) + vertex
-    below, above = (np.flatnonzero(inside & side) for side in (upper, ~upper))
-    _, from_below, from_above = np.intersect1d(key[below], key[above], return_indices=True)
-    below, above = below[from_below], above[from_above]
-    facets, s = facet[below], ends[below]
-    shape, slope = slave.functions.values(s[:, None]), slave.functions.slopes(s[:, None])[0]
-    nodes, vertices = slave.nodes[facets], vertex[below]
-    ways, turns = (np.einsum("vk,vkd->vd", values, directions[nodes]) for values in (shape, slope))
-    length = np.linalg.norm(ways, axis=1, keepdims=True)
-    ways = ways / length
-    across = _turned(ways)
-    distance = np.einsum("vd,vd->v", master.x[vertices] - np.einsum("vk,vkd->vd", shape, slave.x[nodes]), ways)
-
-    def inclination(rows: Indices) -> Array:
-        """The normal of a facet at its vertex along N^ over that along N."""
-        numbers, end = overlap.master[piece[rows]], np.where(first[rows], 0.0, 1.0)
-        normal = master.normals(numbers, end[:, None, None])[:, 0]
-        return np.asarray(np.einsum("vd,vd->v", normal, across) / np.einsum("vd,vd->v", normal, ways))
-
-    kink = inclination(below) - inclination(above)
-    stretch = np.einsum("vk,vkd->vd", slope, slave.x[nodes]) + distance[:, None] * turns / length
-    rate = kink / np.einsum("vd,vd->v", stretch, across)
-    functions = np.einsum("vij,vj->vi", tested.coefficients[facets], slave.tests.values(s[:, None]))
-    at_vertices = s[:, None, None]
-    functions *= rate[:, None] * slave.measured(facets, at_vertices, slave.sizes(facets, at_vertices))
-    numbers = np.broadcast_to(np.arange(len(s))[:, None], functions.shape)
-    entries = functions.ravel(), (slave.points[facets].ravel(), numbers.ravel())
-    count = len(slave.x)
-    blocks = np.column_stack((nodes, count + vertices, count + len(master.x) + nodes))
-    share = np.column_stack((-shape, np.ones(len(s)), -distance[:, None] * shape / length))
-    return Kinks(sp.csr_array(entries, shape=(count, len(s))), blocks, share, across)
-
-
 def _turned(vectors: Array) -> Array:
     """Vectors, shape (..., 2), turned by 90 degrees."""
     return np.stack((-vectors[..., 1], vectors[..., 0]), axis=-1)
 
 
-def ways_in_space(slave: PairSurface, overlap: Overlap, directions: Array) -> Projection:
-    """N of each facet, see ``overlap``, which turns as the slave does around its nodes."""
-    ways, turning = _facet_directions(slave, directions)
-    number, of_piece = np.unique(overlap.slave, return_inverse=True)
-    rows = (3 * number[:, None] + np.arange(3)).ravel()
-    points = overlap.at.shape[:2]
-    way = np.broadcast_to(ways[overlap.slave][:, None], (*points, 3))
-    return Projection(way, sp.csr_array(turning[rows]), of_piece.reshape(-1, 1), np.ones((*points, 1)))
+def _at_vertices(
+    slave: PairSurface, projection: Projection, facet: Indices, x: Array
+) -> tuple[Indices, Array, Array, Array, Array]:
+    """Which vertices facets of the slave see, their places there, shares of the vertex, lengths (one), and n."""
+    place = place_under(slave, slave.corners[facet], projection.vectors[slave.nodes[facet]], x[:, 0])
+    rows = np.flatnonzero((place > NOTHING_LEFT) & (place < 1.0 - NOTHING_LEFT))
+    at = place[rows, None]
+    ways = projection.at(facet[rows], at[:, None])[0][:, 0]
+    return rows, at, np.ones((rows.size, 1)), np.ones(rows.size), _turned(ways)
 
 
-def seen_edges(slave: PairSurface, master: PairSurface, tested: Tested, directions: Array) -> Kinks:
-    """Edges between facets of the master; for the arguments see ``SlidingPieces.of``."""
-    ways, of_facet = _facet_directions(slave, directions)[0], np.full(len(slave.nodes), -1)
-    seen = np.unique(tested.overlap.slave)
-    of_facet[seen] = np.arange(seen.size)
-    overlap, around = tested.overlap, _around_facet(master)
-    pairs_seen = np.unique(np.column_stack((overlap.slave, overlap.master)), axis=0)
-    facets, partners = np.asarray(pairs_seen[:, 0]), np.asarray(pairs_seen[:, 1])
-    edges = np.stack((around, np.roll(around, -1, axis=1)), axis=2)[partners].reshape(-1, 2)
-    facet, partner = np.repeat(facets, around.shape[1]), np.repeat(partners, around.shape[1])
-    low, high = edges.min(axis=1), edges.max(axis=1)
-    order = np.lexsort((high, low, facet))
-    keys = np.column_stack((facet, low, high))[order]
-    shared = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
-    first, second = order[shared], order[shared + 1]
-    facet, ends = facet[first], np.column_stack((low[first], high[first]))
-    way = ways[facet]
-    corners = slave.x[_around_facet(slave)[facet]]
-    middle = corners.mean(axis=1)
-    axes = axes_across(way)
-    flat, line = (np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, master.x[ends]))
+def _on_edges(
+    slave: PairSurface, projection: Projection, facet: Indices, x: Array
+) -> tuple[Indices, Array, Array, Array, Array]:
+    """The edge of each point at which facets of the slave see edges, its place on the facet, shares of the ends of the
+    edge, the length that it stands for, and n.
+    """
+    corners, ways = slave.x[_around_facet(slave)[facet]], projection.vectors[facet]
+    middle, axes = corners.mean(axis=1), axes_across(ways)
+    flat, line = (np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, x))
     start, along = line[:, 0], line[:, 1] - line[:, 0]
     enters, leaves = _within(flat, start, along)
-    crossed = np.flatnonzero(leaves - enters > NOTHING_LEFT)
-    facet, ends = facet[crossed], ends[crossed]
-    way, middle, axes, start, along = (values[crossed] for values in (way, middle, axes, start, along))
-    enters, leaves, pairs = enters[crossed], leaves[crossed], (partner[first[crossed]], partner[second[crossed]])
     places, weights = np.polynomial.legendre.leggauss(_ON_EDGE)
-    count = places.size
-    at_edge = (enters[:, None] + (leaves - enters)[:, None] * (places + 1) / 2).ravel()
-    rows = np.repeat(np.arange(crossed.size), count)
+    rows = np.repeat(np.flatnonzero(leaves - enters > NOTHING_LEFT), places.size)
+    count = rows.size // places.size
+    width, start, along = (leaves - enters)[rows] / 2, start[rows], along[rows]
+    at_edge = enters[rows] + width * np.tile(places + 1, count)
     length = np.linalg.norm(along, axis=1)
-    lengths = ((leaves - enters) * length / 2)[rows] * np.tile(weights, crossed.size)
-    across = np.einsum("mk,mkd->md", np.column_stack((along[:, 1], -along[:, 0])) / length[:, None], axes)
-    # Which of both facets is behind the edge as seen along n: from the middles of both.
-    middles = [master.corners[numbers].mean(axis=1) for numbers in pairs]
-    swapped = np.einsum("md,md->m", middles[1] - middles[0], across) < 0
-    p = start[rows] + at_edge[:, None] * along[rows]
-    flat_nodes = np.einsum("mcd,mkd->mck", slave.corners[facet] - middle[:, None], axes)
-    start = np.full((len(p), 1, 2), 1.0 / 3.0)
-    at = projected_places(slave, facet[rows], start, p[:, None], middle[rows], axes[rows])[:, 0]
-    slopes = slave.functions.slopes(at)
-    image = np.einsum("avk,vkd->avd", slopes, flat_nodes[rows])
-    projected = np.abs(image[0, :, 0] * image[1, :, 1] - image[0, :, 1] * image[1, :, 0])
-    true = slave.measured(facet[rows], at[:, None], slave.sizes(facet[rows], at[:, None]))[:, 0]
-    coefficients = tested.coefficients[facet[rows]]
-    functions = np.einsum("vij,vj->vi", coefficients, slave.tests.values(at))
-    functions = functions * (lengths * true / projected)[:, None]
-    steep = []
-    for numbers in pairs:
-        on_facet = _at_edge(master, numbers[rows], ends[rows], at_edge)
-        normal = master.normals(numbers[rows], on_facet[:, None])[:, 0]
-        steep.append(-np.einsum("vd,vd->v", normal, across[rows]) / np.einsum("vd,vd->v", normal, way[rows]))
-    jump = np.where(swapped[rows], steep[0] - steep[1], steep[1] - steep[0])
-    shape, of_edge = slave.functions.values(at), np.column_stack((1 - at_edge, at_edge))
-    nodes = np.column_stack((slave.nodes[facet][rows], len(slave.x) + ends[rows]))
-    under = np.einsum("vk,vkd->vd", shape, slave.corners[facet][rows])
-    over = np.einsum("vk,vkd->vd", of_edge, master.x[ends][rows])
-    numbers = np.broadcast_to(np.arange(len(at))[:, None], functions.shape)
-    entries = (functions * jump[:, None]).ravel(), (slave.points[facet[rows]].ravel(), numbers.ravel())
-    total = len(slave.x) + len(master.x)
-    blocks = np.column_stack((nodes, total + of_facet[facet[rows]]))
-    distance = np.einsum("vd,vd->v", over - under, way[rows])
-    share = np.column_stack((-shape, of_edge, -distance))
-    return Kinks(sp.csr_array(entries, shape=(len(slave.x), len(at))), blocks, share, across[rows])
+    across = np.einsum("mk,mkd->md", np.column_stack((along[:, 1], -along[:, 0])) / length[:, None], axes[rows])
+    p, first = start + at_edge[:, None] * along, np.full((rows.size, 1, 2), 1.0 / 3.0)
+    at = projected_places(slave, facet[rows], first, p[:, None], middle[rows], axes[rows])[:, 0]
+    return rows, at, np.column_stack((1 - at_edge, at_edge)), width * length * np.tile(weights, count), across
 
 
 def _around_facet(side: PairSurface) -> Indices:
-    """The corners of each facet in order around it, shape (f, k)."""
-    places = side.functions.places - side.functions.places.mean(axis=0)
-    return np.asarray(side.nodes[:, np.argsort(np.arctan2(places[:, 1], places[:, 0]))])
+    """The corners of each facet in order around it, shape (f, c)."""
+    places = side.functions.places
+    return np.asarray(
+        side.nodes[:, [np.abs(places - corner).sum(axis=1).argmin() for corner in side.functions.corners]]
+    )
 
 
 def _within(corners: Array, start: Array, along: Array) -> tuple[Array, Array]:
@@ -394,29 +378,6 @@ def _within(corners: Array, start: Array, along: Array) -> tuple[Array, Array]:
     enters = np.where(rise > 0, at, np.where((rise == 0) & (height < 0), np.inf, -np.inf)).max(axis=1)
     leaves = np.where(rise < 0, at, np.inf).min(axis=1)
     return np.maximum(enters, 0.0), np.minimum(leaves, 1.0)
-
-
-def _at_edge(side: PairSurface, facets: Indices, ends: Indices, share: Array) -> Array:
-    """Places on facets at a share of an edge between two of its nodes, shape (v, 2)."""
-    first, last = ((side.nodes[facets] == ends[:, [k]]).argmax(axis=1) for k in range(2))
-    places = side.functions.places
-    return np.asarray(places[first] + share[:, None] * (places[last] - places[first]))
-
-
-def _facet_directions(slave: PairSurface, directions: Array) -> tuple[Array, sp.csr_array]:
-    """N_e of each facet, of length one, shape (f, 3), and how displacements of the nodes turn it, with the rotation of
-    the facets around each node, sparse, shape (3 f, 3 N).
-    """
-    functions, facets = slave.functions, len(slave.nodes)
-    shape = functions.values(functions.parts[0].mean(axis=0))
-    sums = np.einsum("k,fkd->fd", shape, directions[slave.nodes])
-    length = np.linalg.norm(sums, axis=1)
-    ways = sums / length[:, None]
-    at = np.repeat(np.arange(facets), len(shape)), slave.nodes.ravel()
-    mean = sp.csr_array((np.tile(shape, facets), at), shape=(facets, len(slave.x)))
-    turned = turning_of(_around(slave), slave.x, directions)
-    across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
-    return ways, sp.csr_array(of_blocks(across) @ sp.kron(mean, sp.eye_array(3)) @ turned)
 
 
 def _around(side: PairSurface) -> sp.csr_array:
