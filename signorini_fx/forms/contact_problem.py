@@ -186,8 +186,7 @@ class ContactProblem(ProblemOfForms):
         u: the Function that takes the solution; None: a new one.
         petsc_options_prefix: of the options of this problem in PETSc's database.
         petsc_options: options without that prefix, for the SNES, its KSP and PC.
-        form_compiler_options: see ``dolfinx.fem.form``.
-        jit_options: see ``dolfinx.fem.form``.
+        form_compiler_options, jit_options: see ``dolfinx.fem.form``.
         stress: of the displacement, linear in its strain: a function of it that returns UFL, or UFL of ``u`` or of
             the trial function, shape (d, d), or in 2D (3, 3); None: there are no stresses.
         materials: tags on all cells; the stress may jump where they change.  None: it does not jump.
@@ -239,7 +238,7 @@ class ContactProblem(ProblemOfForms):
         fields = self.assembled.fields
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         self._stresses: tuple[Outcome | None, RawStresses] | None = None  # of the last solution that was asked for them
-        self._ran: tuple[LoadPath, StepProgress] | None = None  # the last ``run``, until the next solve
+        self._ran: StepProgress | None = None  # the last ``run``, until the next solve
 
     @property
     def contact(self) -> tuple[Foundation | Pair, ...]:
@@ -276,14 +275,13 @@ class ContactProblem(ProblemOfForms):
         if solver.forms.measures:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
             raise FormError([("stress", wrong)])
-        table, squares = contact_table(self.state, solver.forms.names), stress.recovery.squares(self.u)
-        return solver.model(), table, squares, stress.energy
+        model, squares = solver.model(), stress.recovery.squares(self.u)
+        return model, contact_table(self.state, *model.statement.sides), squares, stress.energy
 
     def titled(self, title: str) -> Solution:
         from signorini_fx.forms.steps import solution_of
 
-        path, progress = self._ran or (None, None)
-        return solution_of(self.assembled, path, progress, title)
+        return solution_of(self.assembled, self._ran, title)
 
     @property
     def solver(self) -> PETSc.SNES:
@@ -343,7 +341,7 @@ class ContactProblem(ProblemOfForms):
         from signorini_fx.results.solution import ConvergenceError
 
         path, clock, stored = begun_path(self.assembled, path, at, folder, restart=restart)
-        self._ran = path, solve_path(self.assembled, path, clock, on_step, stored)
+        self._ran = solve_path(self.assembled, path, clock, on_step, stored)
         solution = self.solution
         if not solution.converged:
             raise ConvergenceError(solution)

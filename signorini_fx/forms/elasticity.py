@@ -11,7 +11,7 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
-from signorini_fx.errors import FormError, SceneError
+from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.assembly.pieces import find_pieces
@@ -57,13 +57,8 @@ def elastic_body(
         kinematics=CARTESIAN[space.mesh.geometry.dim],
         **more,
     )
-    if body.is_assembled:
-        return body
-    try:
-        stiffness = body.stiffness
-    except SceneError as error:
-        raise FormError([("algorithm", message) for _, message in error.problems]) from None
-    check_energy(stiffness, fixed.size, definite=body.definite, symmetric=body.symmetric)
+    if not body.is_assembled:
+        check_energy(body.stiffness, fixed.size, definite=body.definite, symmetric=body.symmetric)
     return body
 
 

@@ -74,19 +74,9 @@ class GivenForms:
         return self.space.mesh
 
     @property
-    def names(self) -> list[str]:
-        """Those of the contacts by their numbers."""
-        return [f"contact {number}" for number in range(len(self.facets))]
-
-    @property
     def measures(self) -> set[Any]:
         """What contacts are multiplied by, which estimates of errors do not know."""
         return {getattr(contact, "measure", None) for contact in self.contact} - {None}
-
-    @property
-    def has_coulomb(self) -> bool:
-        """Whether some friction follows the pressure."""
-        return any(contact.friction is not None and contact.friction.follows_pressure for contact in self.contact)
 
 
 def given_forms(
@@ -163,7 +153,7 @@ def named_parts(
                 return known
         return otherwise
 
-    names = [name(part, otherwise) for part, otherwise in zip(forms.facets, forms.names, strict=True)]
+    names = [name(part, f"contact {k}") for k, part in enumerate(forms.facets)]
     opposite = {k: name(part, f"other side of contact {k}") for k, part in forms.masters.items()}
     parts = {**forms.boundaries, **dict(zip(names, forms.facets, strict=True))}
     parts |= {name: forms.masters[k] for k, name in opposite.items()}
@@ -232,24 +222,22 @@ def space_of(a: Any, L: Any, u: fem.Function | None) -> fem.FunctionSpace:
     for name, form, rank in (("a", a, 2), ("L", L, 1)):
         if not isinstance(form, ufl.Form | fem.Form):
             raise FormError([(name, f"must be a UFL form or a compiled form, not {kind_of(form)}")])
-        if isinstance(form, ufl.Form) and not form.arguments():
+        of_ufl = isinstance(form, ufl.Form)
+        if of_ufl and not form.arguments():
             raise FormError([(name, "is zero: nothing is left of it to integrate")])
-        form_rank = form.rank if isinstance(form, fem.Form) else len(form.arguments())
-        if form_rank != rank:
-            raise FormError([(name, f"must have {rank} argument{'s' * (rank > 1)}, not {form_rank}")])
-        if isinstance(form, fem.Form):
-            spaces += [(name, space, space) for space in form.function_spaces]
-        else:
-            argument_spaces = (argument.ufl_function_space() for argument in form.arguments())
-            spaces += [(name, compat.wrapped(space), space) for space in argument_spaces]
-    python_spaces = [space for *_, space in spaces if isinstance(space, fem.FunctionSpace)]
+        of_form = [one.ufl_function_space() for one in form.arguments()] if of_ufl else form.function_spaces
+        if len(of_form) != rank:
+            raise FormError([(name, f"must have {rank} argument{'s' * (rank > 1)}, not {len(of_form)}")])
+        spaces += [(name, space) for space in of_form]
+    known = [space for _, space in spaces if isinstance(space, fem.FunctionSpace)]
     if u is not None:
-        python_spaces.insert(0, u.function_space)
-    elif not python_spaces:
+        known.insert(0, u.function_space)
+    elif not known:
         raise FormError([("u", "must be given where both forms are compiled: their space is that of this Function")])
-    space = supported(python_spaces[0], "a")
-    for name, candidate, _ in spaces:
-        if candidate != compat.wrapped(space):
+    space = supported(known[0], "a")
+    for name, candidate in spaces:
+        inner = compat.wrapped(candidate) if isinstance(candidate, fem.FunctionSpace) else candidate
+        if inner != compat.wrapped(space):
             raise FormError([(name, "its arguments are on another space than those of a" + " or u" * (u is not None))])
     return space
 
@@ -334,27 +322,21 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
     exterior[dmesh.exterior_facet_indices(mesh.topology)] = True
     listed = [(f"contact[{k}].facets", entry.facets) for k, entry in enumerate(contact)]
     listed += [(f"contact[{k}].against", contact[k].against) for k in pairs]
-    problems, marks = [], []
-    for name, selection in listed:
-        mark = la.vector(facet_map, 1, dtype=np.int32)
-        marks.append(mark)
+    problems, marks = [], [la.vector(facet_map, 1, dtype=np.int32) for _ in listed]
+    for (name, selection), mark in zip(listed, marks, strict=True):
         try:
-            local = _listed(selection, mesh, dim, facet_map.size_local + facet_map.num_ghosts)
+            mark.array[_listed(selection, mesh, dim, facet_map.size_local + facet_map.num_ghosts)] = 1
         except (ValueError, TypeError) as error:
             problems.append((name, str(error)))
-            continue
-        mark.array[local] = 1
     parallel.raise_together(mesh.comm, FormError(problems) if problems else None)
     taken = np.zeros(facet_map.size_local, dtype=bool)
-    counts = []
-    for k, mark in enumerate(marks):
+    for k, ((name, _), mark) in enumerate(zip(listed, marks, strict=True)):
         mark.scatter_reverse(la.InsertMode.add)
         marked = mark.array[owned] > 0
-        counts.append([marked.sum(), (marked & ~exterior).sum(), (marked & taken).sum()])
+        counts = np.array([marked.sum(), (marked & ~exterior).sum(), (marked & taken).sum()])
+        count, inside, twice = parallel.global_sum(mesh.comm, counts)
         if k < len(contact):  # facets of a master may be those of several
             taken |= marked
-    totals = parallel.global_sum(mesh.comm, np.array(counts))
-    for (name, _), (count, inside, twice) in zip(listed, totals, strict=True):
         if not count:
             problems.append((name, "there are none"))
         if inside:

@@ -108,7 +108,8 @@ class FormSolver:
     ) -> None:
         self.forms, self.u, self.bcs, self.settings, self.options = forms, u, bcs, settings, petsc_options
         space = self.space = forms.space
-        self.foundations = self._foundations_class(space, forms.contact, forms.facets, forms.names, forms.masters)
+        names = [f"contact {number}" for number in range(len(forms.contact))]
+        self.foundations = self._foundations_class(space, forms.contact, forms.facets, names, forms.masters)
         self.foundations.check_driven()
         self.fields = ContactFields.on(space)
         self.history, self.timings = History(), Timings()
@@ -270,6 +271,7 @@ class FormSolver:
         elastic = self.elastic = self._body(fixed[:owned], boundary)
         self.scales = scales_of(elastic, boundary, self.foundations.facets, self._size(), self._natural_modulus())
         case, data = self._case(values), self._point_data(shapes)
+        laws = [contact.friction for contact in self.forms.contact if contact.friction is not None]
         self.task = elastic.task(
             [case],
             np.ones(1),
@@ -278,7 +280,7 @@ class FormSolver:
             natural_gamma=self.scales.gamma,
             coordinate_error=self.scales.coordinate_error,
             history=self.history,
-            has_coulomb=self.forms.has_coulomb,
+            has_coulomb=any(law.follows_pressure for law in laws),
         )
         return data
 

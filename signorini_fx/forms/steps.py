@@ -85,18 +85,16 @@ def solve_path(
     return progress
 
 
-def solution_of(solver: FormSolver, path: LoadPath | None, progress: StepProgress | None, title: str = "") -> Solution:
-    """The last solution, or the last iterate, with the values that the forms have now; of a run its path, and how its
-    load steps have ended; collective.
+def solution_of(solver: FormSolver, progress: StepProgress | None, title: str) -> Solution:
+    """The last solution, or the last iterate, with the values that the forms have now; of a run its load steps;
+    collective.
     """
-    outcome = solver.outcome
-    if outcome is None:
+    if solver.outcome is None or solver.result is None:
         raise RuntimeError("there is no solution so far: call solve()")
-    alone = solver.result
-    assert alone is not None
-    steps = [alone] if progress is None else progress.results
-    ended = (outcome, outcome.problem.data) if progress is None else progress.ended
-    assert ended is not None
+    path, steps, ended = None, [solver.result], (solver.outcome, solver.outcome.problem.data)
+    if progress is not None:
+        assert progress.ended is not None
+        path, steps, ended = progress.path.path, progress.results, progress.ended
     # Of a load step that has failed the forms are not those of the results, which are of one before it.
     settled = steps[-1].status is Status.CONVERGED or len(steps) == 1
     body = replace(solver.model(path, title), settled=settled)

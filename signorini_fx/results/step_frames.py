@@ -123,18 +123,14 @@ class StepEnd:
             normal, slips = normal + self.rest.u_n, slips + self.rest.u_t
         if parallel.any_rank(boundary.comm, not np.array_equal(earlier.nodes, boundary.nodes)):
             raise FormError([("contact", "its points cannot change between the steps of a loop")])
-        turns = parallel.any_rank(boundary.comm, not np.allclose(earlier.normal, boundary.normal))
         rotation = turned(earlier, boundary, spin)
 
         def along(shear: Array) -> Any:
             return np.einsum("njk,nk->nj", rotation, shear)
 
         data, multipliers = start.data, start.multipliers
-        origin = np.einsum("nij,nik,nk->nj", boundary.tangents, earlier.cotangents, slips)
-        if turns:
-            relative = np.column_stack((normal, slips))
-            coframes = np.concatenate((earlier.normal[:, :, None], earlier.cotangents), axis=2)
-            origin = np.einsum("nki,nkj,nj->ni", boundary.frames, coframes, relative)[:, 1:]
+        relative = np.column_stack((normal, slips))
+        origin = np.einsum("nki,nkj,nj->ni", boundary.frames, earlier.coframes, relative)[:, 1:]
         if resting is not None:
             origin = origin - resting.u_t
         return replace(

@@ -45,8 +45,7 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand
-from signorini_fx.solving.result_findings import untouched
+from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand, untouched
 
 Array = npt.NDArray[np.float64]
 

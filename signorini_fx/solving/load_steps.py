@@ -28,7 +28,6 @@ from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions, overclosures_of
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.result_findings import explained
 from signorini_fx.tuned import (
     EASY_STEP,
     ENCLOSED,
@@ -405,6 +404,8 @@ class StepProgress(Stepping[LoadStep]):
                 outcome = solve_task(begun.task, start, allowed)
         begun = replace(begun, start=start)
         if reason is None:
+            from signorini_fx.solving.findings import explained
+
             when = f"load step {start.step + 1}: " if steps.several else ""
             reason = explained(begun.body.model, begun.task, outcome, when)
         step = begun.certified(outcome)

@@ -128,10 +128,6 @@ class MeshedProblem(ABC):
         """The same with what was chosen on the first mesh."""
         return self
 
-    def beginning_finer(self) -> Self:
-        """The same with a first mesh whose cells are half as large; that one is coarser than the stated one."""
-        return replace(self, coarsest=self.coarsest / 2).divided(1)
-
     def polygon_error(self, solved: SolvedMesh, last: float | None) -> float:
         """The effect of straight facets on a curved contact boundary, see ``pressure_error.polygon_error``."""
         if not self.polygonal or (last is not None and not self.in_parts):

@@ -28,16 +28,17 @@ from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.mechanics import SolidBody, StatedBody, StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd, from_rest
-from signorini_fx.solving.findings import refuse_beforehand, scene_findings
-from signorini_fx.solving.load_steps import BegunStep, Increments, LoadStep, SteppedBody, StepProgress, first_start
-from signorini_fx.solving.result_findings import (
+from signorini_fx.solving.findings import (
     facets_in_result,
     loose_at_rest,
     pushed_nodes,
+    refuse_beforehand,
     result_findings,
+    scene_findings,
     shapes_in_results,
     untouched,
 )
+from signorini_fx.solving.load_steps import BegunStep, Increments, LoadStep, SteppedBody, StepProgress, first_start
 from signorini_fx.tuned import PATH_ERROR_SHARE
 
 if TYPE_CHECKING:
@@ -82,13 +83,8 @@ def solve_contact(
     """All load steps, until one has no solution, the contact problem of the last one, and how the last one with a
     solution ended; ``state``: from which the first one begins, see ``solve_mesh``.
     """
-    history, statement = task.history, model.statement
-
-    def renew(model: Model) -> Task:
-        with timings.phase("condense"):
-            return contact_task(model, history)
-
-    body = StatedSteps(model, statement.path, timings, renew, state)
+    statement = model.statement
+    body = StatedSteps(model, statement.path, timings, state)
     start = first_start(task.start, model.boundary, state)
     progress = StepProgress(body, task, start, Increments(statement.path, statement.solver))
     progress.all(on_step, level_checkpoint)
@@ -232,11 +228,8 @@ def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
 
 @dataclass(frozen=True)
 class StatedSteps(SteppedBody):
-    """A body that a statement says all of; ``renew``: makes the contact problem of a model whose foundations have
-    moved; ``state``: from which the first load step begins.
-    """
+    """A body that a statement says all of; ``state``: from which the first load step begins."""
 
-    renew: Callable[[Model], Task]
     state: ContactState | None
 
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
@@ -251,7 +244,8 @@ class StatedSteps(SteppedBody):
             assert moved.law is not None
             bound = moved.law.given if start.multipliers is None else moved.law.bound(start.multipliers[0])
             return BegunStep(stepped, task, replace(start, law=moved.law, data=replace(start.data, bound=bound)), last)
-        task = self.renew(moved)
+        with self.timings.phase("condense"):
+            task = contact_task(moved, task.history)
         if end is not None:
             return BegunStep(stepped, task, *on_moved_foundations(earlier, moved, task, end))
         assert moved.boundary is not None

@@ -68,8 +68,8 @@ def solve_to_accuracy(
     state: ContactState | None = None
     last: Solution | None = None
     polygon: float | None = None
+    started = parallel.clock(comm)
     while True:
-        started = parallel.clock(comm)
         try:
             solved = meshes.solve(state, len(levels))
         except Exception as failure:
@@ -91,9 +91,8 @@ def solve_to_accuracy(
         rates = expected_rates(degree if meshes.adaptive else 1)
         polygon = meshes.problem.polygon_error(solved, polygon)
         state = solved.state
-        started -= meshes.seconds
-        meshes.seconds = 0.0
-        seconds = parallel.clock(comm) - started
+        now = parallel.clock(comm)
+        seconds, started = now - started, now
         same_mesh = bool(levels) and levels[-1].dofs == level.dofs
         levels = [*levels[: len(levels) - same_mesh], replace(with_polygon(level, polygon), seconds=seconds)]
         rows = []
@@ -231,7 +230,6 @@ class Meshes:
         problem: on the mesh that is to be solved next.
         adaptive: whether triangles or tetrahedra are divided where the error is large.
         any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are halved.
-        seconds: time of the last refinements; 0 where the mesh is made with the solve.
         finer: how many times finer, on average over the body, the last division of some cells has made the mesh.
     """
 
@@ -258,7 +256,6 @@ class Meshes:
         self.problem: MeshedProblem = problem
         self._divisions = 1
         self._coarser: MeshLevel | None = None
-        self.seconds: float = 0.0
         self.finer: float = 1.0
 
     def _solved(self, state: ContactState | None, number: int) -> SolvedMesh:
@@ -277,7 +274,7 @@ class Meshes:
             except (SceneError, MeshError):
                 if number > 0 or not self.problem.coarsest > 1:
                     raise
-            self.problem = self.problem.beginning_finer()
+            self.problem = replace(self.problem, coarsest=self.problem.coarsest / 2).divided(1)
 
     def solve(self, state: ContactState | None, number: int) -> SolvedMesh:
         """Solve on the current mesh; with regularisation on all finer ones if augmentation fails on it, and with what
@@ -313,7 +310,6 @@ class Meshes:
 
     def refine(self, solved: SolvedMesh, excess: float, jump: float) -> None:
         """Make the next mesh, of cells made anew at most ``jump`` times finer on average over the body."""
-        begin = parallel.clock(self._comm)
         if self.problem.remakes:
             assert solved.errors is not None
             last, dim = solved.tagged, solved.tagged.dimension
@@ -337,7 +333,6 @@ class Meshes:
             counts = [mesh.mesh.topology.index_map(mesh.dimension).size_global for mesh in (tagged, solved.tagged)]
             self.finer = fineness_of(counts[0] / counts[1], tagged.dimension)
             self.problem = self.problem.on(tagged)
-        self.seconds += parallel.clock(self._comm) - begin
 
     def raise_gamma(self, task: Task, outcome: Outcome, regularisation_error: float, excess: float) -> None:
         """Make gamma so large that the regularisation error keeps to its share; it decreases like 1 / gamma.

@@ -37,7 +37,7 @@ from signorini_fx.quantities.differentiable import Gradient
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
-from signorini_fx.solving.result_findings import loose_at_rest, loose_in, pushed_nodes
+from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
 
 # Iterations of Newton's method, unless it is said otherwise.
 MOST_ITERATIONS = 30
