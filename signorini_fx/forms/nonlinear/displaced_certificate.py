@@ -136,12 +136,13 @@ def conditions_at(
 
 
 def certified(
-    u: fem.Function, mechanics: ResidualMechanics, linear: LinearisedProblem, tractions: Tractions
+    u: fem.Function, mechanics: ResidualMechanics, linear: LinearisedProblem, tractions: Tractions | None = None
 ) -> Certificate:
     """Check equilibrium and contact conditions at a displacement; ``linear``: of the last iteration; ``tractions``:
-    what the solver claims; collective.
+    None: those of the solver; collective.
     """
-    tools, before = linear.moving_tools, linear.previous_step
+    tools, before = linear.foundations.rigid_bodies, linear.previous_step
+    tractions = tractions or Tractions.of(linear.state)
     rigid = [*zip(tools.motions, tools.drives(), strict=True)]
     if before is not None:
         boundary, moved = linear.state.boundary, linear.moved(linear.state.boundary)

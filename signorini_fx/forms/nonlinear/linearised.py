@@ -70,27 +70,16 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class State:
-    """A solution, or what there is before the first one.
+    """A solution, or what there is before the first one: all that an attempt changes, and where shapes were placed."""
 
-    Attributes:
-        displacement: values of ``u``, ghosts included.
-        contact: the contact points; None: there is no solution.
-        outcome: of the contact problem of the last iteration; None: there is none.
-        guess: where the next solve may begin; None: as the load step does.
-        certificate: of the solution; None: there is none.
-        iterations: of Newton's method.
-        shapes: of the foundations, where they were placed, by their numbers.
-        tools: coordinates of those that forces move, lengths, shape (k,), see ``MovingTools``.
-    """
-
-    displacement: Array
+    displacement: Array  # values of u, ghosts included
     contact: ContactState | None
-    outcome: Outcome | None
-    guess: LastSolution | None
+    outcome: Outcome | None  # of the contact problem of the last iteration
+    guess: LastSolution | None  # where the next solve may begin
     certificate: Certificate | None
     iterations: int
-    shapes: dict[int, Any]
-    tools: Array
+    shapes: dict[int, Any]  # by the numbers of their foundations
+    tools: Array  # coordinates, see ``MovingTools``
 
 
 class MovingFoundations(Foundations):
@@ -99,6 +88,7 @@ class MovingFoundations(Foundations):
     Attributes:
         at: the displacement of now.
         sliding: the pairs, by their numbers.
+        undeformed: pairs that keep their partners, with what that depends on, by their numbers.
         coordinates: of tools where they are, see ``MovingTools``.
         settled: the shapes as they were at the end of the last step, by the numbers of their foundations.
     """
@@ -107,7 +97,7 @@ class MovingFoundations(Foundations):
     settled: dict[int, Any]
 
     def __init__(self, *args: Any, at: fem.Function) -> None:
-        self.at, self.sliding, self._undeformed = at, {}, dict[int, tuple[list[bytes], PairedSides]]()
+        self.at, self.sliding, self.undeformed = at, {}, dict[int, tuple[list[bytes], PairedSides]]()
         super().__init__(*args)
         self.settle()
         self.coordinates = np.zeros(super().rigid_bodies.fixed.size)
@@ -128,11 +118,6 @@ class MovingFoundations(Foundations):
 
     def settle(self) -> None:
         self.settled = {number: moving.shape for number, moving in self.moving.items()}
-
-    @property
-    def kept_pairs(self) -> dict[int, PairedSides]:
-        """Pairs that keep their partners, where they are undeformed, by their numbers."""
-        return {number: sides for number, (_, sides) in self._undeformed.items()}
 
     def _put(self, number: int, distance: Distance) -> None:
         moving = self.moving[number]
@@ -194,10 +179,10 @@ class MovingFoundations(Foundations):
         if number in self.sliding:
             return self.sliding[number].boundary()
         facts = [values.tobytes() for values in known if isinstance(values, np.ndarray)]
-        last = self._undeformed.get(number)
+        last = self.undeformed.get(number)
         if parallel.any_rank(self._space.mesh.comm, last is None or facts != last[0]):
             super()._paired(number, *known)
-            last = self._undeformed[number] = facts, self._pairs[number]
+            last = self.undeformed[number] = facts, self._pairs[number]
         assert last is not None
         paired, owned = last[1], self._space.dofmap.index_map.size_local
         if not self._contact[number].bonded:
@@ -247,14 +232,12 @@ class LinearisedProblem(FormSolver):
     Attributes:
         extent: the diameter of the undeformed body, length.
         curvature: what the shapes add to the tangent.
-        symmetric: whether the tangent has been symmetric so far.
-        definite: whether it is taken to be positive definite.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
         several: see ``Start``.
         bodies: see ``BodyPieces``.
     """
 
-    symmetric = definite = True
+    symmetric = definite = True  # as far as is known
     residual: Array | None = None
     several = False
     bodies: tuple[str, ...] = ()
@@ -270,9 +253,7 @@ class LinearisedProblem(FormSolver):
         evaluated: Residual,
         bcs: Any,
         contact: Any,
-        *,
-        petsc_options_prefix: str,
-        petsc_options: Mapping[str, Any],
+        options: tuple[str, Mapping[str, Any]],
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
@@ -284,13 +265,16 @@ class LinearisedProblem(FormSolver):
             increment,
             conditions_of(bcs, forms.space),
             settings_of(settings),
-            (petsc_options_prefix, petsc_options),
+            options,
         )
-        self._evaluated, mesh = evaluated, at.function_space.mesh
-        dim = mesh.geometry.dim
+        self._evaluated, self.extent = evaluated, super()._size()
+        self._straighten()
+
+    def _straighten(self) -> None:
+        """Without what turns with the displacement."""
+        dim = self.places.shape[1]
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
         self.relative: Array | None = None  # see ``MovingTools.relative_stiffness``
-        self.extent = super()._size()
 
     @property
     def places(self) -> Array:
@@ -303,19 +287,9 @@ class LinearisedProblem(FormSolver):
         return self.foundations.moving
 
     @property
-    def moving_tools(self) -> MovingTools:
-        """The tools where they are."""
-        return self.foundations.rigid_bodies
-
-    @property
     def pairs(self) -> Mapping[int, MovingPair]:
         """The sides that slide on each other by the numbers of their contacts, once a solve has begun."""
         return self.foundations.sliding
-
-    @property
-    def reached(self) -> Array:
-        """The coordinates of tools in the last outcome, lengths, shape (k,), see ``MovingTools``."""
-        return self.rigid.unknowns(self.tools)
 
     def slide(self) -> None:
         """Renew the maps of pairs at the displacement of now; collective."""
@@ -342,13 +316,13 @@ class LinearisedProblem(FormSolver):
             return
         hessians = hessians_at(state.boundary, self.shapes, self.places, self.extent)
         blocks = curvature_of(hessians, state)
-        self._hessians, tools, self.relative = hessians, self.moving_tools, None
+        self._hessians, tools, self.relative = hessians, self.foundations.rigid_bodies, None
         if tools.bodies:
             self.relative = tools.relative_stiffness(state, blocks)
             blocks = np.zeros_like(blocks)
         joint = tuple(pair.stiffness(state) for pair in self.pairs.values())
         places = self.places[: self.space.dofmap.index_map.size_local]
-        for number, paired in self.foundations.kept_pairs.items():
+        for number, (_, paired) in self.foundations.undeformed.items():
             if not self.contact[number].bonded:
                 joint = *joint, turned_forces(state, paired, places)
         self.curvature = NodalStiffness.summed(state.boundary.nodes, blocks, joint)
@@ -359,7 +333,7 @@ class LinearisedProblem(FormSolver):
         """Slips of points that stick are linearised as their tangent planes turn."""
         state = self._state
         begun = super().begin_step()
-        boundary, tools, origin = self.boundary, self.moving_tools, begun.data.slip_origin
+        boundary, tools, origin = self.boundary, self.foundations.rigid_bodies, begun.data.slip_origin
         for number, pair in self.pairs.items():  # slips count from where their step has begun
             rows = boundary.part == number
             origin = origin.copy()
@@ -433,7 +407,7 @@ class LinearisedProblem(FormSolver):
             case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
         if elastic.relative is None or self.relative is None:
             return case
-        moved, driven = self.moving_tools.coordinates, self.rigid.driven_together
+        moved, driven = self.foundations.coordinates, self.rigid.driven_together
         assert driven is not None
         away = self._at.x.array - np.where(self.prescribed[0], values, 0.0)
         forces, _ = elastic.relative_forces(away, moved - np.where(self.rigid.fixed, driven.motion, 0.0))
@@ -441,7 +415,7 @@ class LinearisedProblem(FormSolver):
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
-        loads, where = np.asarray(self._evaluated.loads), [self.moving_tools.coordinates, self._at.x.array]
+        loads, where = np.asarray(self._evaluated.loads), [self.foundations.coordinates, self._at.x.array]
         follows = any(entry.against is not None and not entry.bonded for entry in self.contact) or self.rigid.bodies
         curvature = self.curvature.nodes, self.curvature.blocks
         return *curvature, loads, *(where if follows else ())
@@ -692,7 +666,7 @@ class LinearisedProblem(FormSolver):
         """
         work = 0.0
         if self.rigid.bodies:
-            moved = self.reached - self.moving_tools.coordinates
+            moved = self.rigid.unknowns(self.tools) - self.foundations.coordinates
             springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
             work += float(springs @ moved**2)
             if self.elastic.relative is not None:
@@ -701,7 +675,7 @@ class LinearisedProblem(FormSolver):
 
     def state_now(self, certificate: Certificate | None, iterations: int) -> State:
         """What there is now."""
-        shapes, tools = {k: moving.shape for k, moving in self.shapes.items()}, self.moving_tools.coordinates
+        shapes, tools = {k: moving.shape for k, moving in self.shapes.items()}, self.foundations.coordinates
         solution = self._state, self.outcome, self._solution
         return State(self._at.x.array.copy(), *solution, certificate, iterations, shapes, tools)
 
@@ -713,9 +687,8 @@ class LinearisedProblem(FormSolver):
         self.fields.take(self.space, state.contact)
         self._state, self.outcome, self._solution = state.contact, state.outcome, state.guess
         self.foundations.carry_to(state.tools)
-        dim = self._at.function_space.mesh.geometry.dim
-        self._last_pattern, self.curvature, self._hessians = None, NodalStiffness.none(dim), np.zeros((0, dim, dim))
-        self.relative = None
+        self._last_pattern = None
+        self._straighten()
 
     # --- what the certificate and the verdict on stability ask for ---
 

@@ -31,7 +31,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
@@ -93,9 +92,7 @@ class EquilibriumSolver:
     """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they are.
 
     Attributes:
-        linear: the contact problem of an iteration, with the shapes.
         commit: the user's function at the end of a step.
-        asks_stability: whether an equilibrium must be stable.
         too_large: gives by how much the deformation is too large, in words; empty: it is not; collective.
         status: how the last attempt has ended; None: by an error, or there is none.
         certificate: of the last solution, or the last iterate; None: there is none.
@@ -104,8 +101,7 @@ class EquilibriumSolver:
         without: why there may be no solution, in words; empty: nothing says so.
         tangent_at: where the last tangent was formed: values of the displacement, and coordinates of tools.
         last: the last solution that was taken, or what there was before; None: nothing was tried so far.
-        solved: the last solution that was taken, for results; None: there is none.
-        begun: where the step begins that it ends; None: there is none.
+        solved: the last solution that was taken, for results; ``begun``: where its step begins; None: there is none.
         farthest: the largest displacement of the solutions that were taken, relative to the size of the body.
     """
 
@@ -227,15 +223,18 @@ class EquilibriumSolver:
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.residual.at(self.u.x.array.copy())) is None:
                 return
-            self.linear.slide()
-            self.linear.leave_open(status)
-            self.solved = SolvedBody.of(self.linear, self.u, *self._certified(residual), solves, status)
+            linear = self.linear
+            linear.slide()
+            linear.leave_open(status)
+            mechanics = mechanics_at(self.u, residual, linear)
+            certificate = certified(self.u, mechanics, linear)
+            self.solved = SolvedBody.of(linear, self.u, certificate, mechanics, solves, status)
 
     def advance(self) -> None:
         """Begin the next step where the last one has ended."""
         if self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to advance from")
-        self.linear.tools = self.linear.moving_tools.motions
+        self.linear.tools = self.linear.foundations.rigid_bodies.motions
         self.linear.advance()
         self.commit()
         self.linear.slide()
@@ -273,7 +272,7 @@ class EquilibriumSolver:
         rests = False
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
-            old, tools = self.tangent_at = u.x.array.copy(), linear.moving_tools.coordinates
+            old, tools = self.tangent_at = u.x.array.copy(), linear.foundations.coordinates
             residual = self.residual.at(old) if residual is None else residual
             if residual is None:
                 return Status.INVERTED
@@ -293,7 +292,7 @@ class EquilibriumSolver:
                 self._tried = old + increment
                 return Status.INVERTED
             u.x.array[:] = old + length * increment
-            moved = length * (linear.reached - tools)
+            moved = length * (linear.rigid.unknowns(linear.tools) - tools)
             linear.foundations.carry_to(tools + moved)
             change, size = (
                 max(float(parallel.largest(comm, np.abs(values), 0.0)), float(np.abs(further).max(initial=0.0)))
@@ -320,7 +319,7 @@ class EquilibriumSolver:
     def _is_linear(self) -> bool:
         """Whether F is affine in the displacement, without a state, and contact is that of the undeformed body."""
         linear = self.linear
-        follows = linear.shapes or linear.pairs or linear.moving_tools.coordinates.size
+        follows = linear.shapes or linear.pairs or linear.foundations.coordinates.size
         return not follows and self.residual.update is None and self.tangents.bilinear is not None
 
     def _not_solved(self, inner: Status) -> Status:
@@ -367,14 +366,9 @@ class EquilibriumSolver:
             if linear.contact[number].bilateral and (reached := pair.parted):
                 self._detail = reached
                 return Status.AT_END
-        self.certificate, self._mechanics = self._certified(residual, round_off(self.residual, residual))
+        mechanics = self._mechanics = mechanics_at(self.u, residual, linear, round_off(self.residual, residual))
+        self.certificate = certified(self.u, mechanics, linear)
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
-
-    def _certified(self, residual: Array, lost: Array | None = None) -> tuple[Certificate, ResidualMechanics]:
-        """The certificate of what there is now, where F is ``residual``, with the forces that it is of; collective."""
-        linear = self.linear
-        mechanics = mechanics_at(self.u, residual, linear, lost)
-        return certified(self.u, mechanics, linear, Tractions.of(linear.state)), mechanics
 
 
 def length_of_increment(

@@ -190,9 +190,8 @@ class NonlinearContactProblem(ProblemOfForms):
             residual,
             bcs,
             self.contact,
-            petsc_options_prefix=petsc_options_prefix,
-            petsc_options=dict(petsc_options or {}),
-            boundaries=boundaries,
+            (petsc_options_prefix, dict(petsc_options or {})),
+            boundaries,
             **settings,
         )
         self.shapes, fields = self.linear.shapes, self.linear.fields
@@ -256,7 +255,7 @@ class NonlinearContactProblem(ProblemOfForms):
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:
         """Where the foundations are that forces move: in the last solution, by how much they have moved."""
-        return self.linear.moving_tools.motions
+        return self.linear.foundations.rigid_bodies.motions
 
     def gradient(self, of: Any, by: Any) -> Gradient:
         """Derivatives of a result of the last solution by Constants of the problem, see ``ContactProblem.gradient``;
@@ -354,7 +353,7 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
     for number, entry in enumerate(linear.contact):
         if entry.against is not None and not entry.bonded:
             raise FormError([(f"contact[{number}]", "derivatives are not possible yet where two bodies touch")])
-    if linear.moving_tools.coordinates.size:
+    if linear.foundations.coordinates.size:
         raise FormError([("contact", "derivatives are not possible yet where forces move a foundation")])
     begun = solver.begun
     assert begun is not None

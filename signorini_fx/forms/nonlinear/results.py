@@ -51,9 +51,7 @@ class SolvedBody:
     Attributes:
         forms: tangent and residual, with the foundations where they are.
         elastic: the body of the last tangent.
-        outcome: how its contact problem has ended.
-        law: its friction; None: no law can act.
-        task: this problem.
+        outcome: how its contact problem has ended; ``law``: its friction, None: no law can act; ``task``: this problem.
         mechanics: the forces and contact sides.
         step: the solution as a load step.
     """
@@ -96,7 +94,7 @@ class SolvedBody:
             deformation=deformation_of(linear.elastic, u, linear.scales.size),
             strain_energy=certificate.strain_energy,
             linear_solves=solves,
-            tools=linear.moving_tools.motions,
+            tools=linear.foundations.rigid_bodies.motions,
         )
         forms = replace(linear.forms, contact=tuple(placed))
         return cls(forms, linear.elastic, linear.outcome, linear.begun.law, linear.task, mechanics, step)
@@ -131,9 +129,7 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
     Steps that displace the body by a share below that of the farthest one are round-off of others, as where a body
     comes back to rest.
 
-    Args:
-        certificates: of the load steps.
-        residual: what F is called.
+    ``residual``: what F is called.
     """
     farthest = max((certificate.displacement for certificate in certificates), default=0.0)
     judged = [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
