@@ -18,11 +18,11 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody
 from signorini_fx.forms.nonlinear.linearised import State
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import not_driven
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
+from signorini_fx.forms.nonlinear.results import ResidualBody
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.body.deformation import deformation_of

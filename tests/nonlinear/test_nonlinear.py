@@ -27,7 +27,7 @@ from signorini_fx import (
     NonlinearContactProblem,
     Status,
 )
-from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.forms.nonlinear.results import certified, mechanics_at
 from signorini_fx.results.certificate.law_of_method import Tractions
 
 

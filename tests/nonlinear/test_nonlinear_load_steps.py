@@ -56,7 +56,7 @@ def test_a_failure_goes_back_to_the_last_step(fault, monkeypatch):
             raise Unlike("no return to the yield surface")
 
     problem = pressed(update, max_newton=8, stability=fault == "unstable")
-    inertia = "signorini_fx.forms.nonlinear.stability.negative_directions"
+    inertia = "signorini_fx.forms.nonlinear.verdicts.negative_directions"
     values = problem.u.x.array
     monkeypatch.setattr(inertia, lambda *_: (int(fault == "unstable" and fails()), values))
     with pytest.raises(FormError if fault == "update" else ConvergenceError) as raised:

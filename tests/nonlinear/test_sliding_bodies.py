@@ -36,7 +36,7 @@ from signorini_fx import (
     Status,
     Tresca,
 )
-from signorini_fx.forms.nonlinear.displaced_certificate import certified, mechanics_at
+from signorini_fx.forms.nonlinear.results import certified, mechanics_at
 from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter
 from signorini_fx.results.certificate.law_of_method import Tractions
 

@@ -11,9 +11,9 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import MatrixError
-from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import State
 from signorini_fx.forms.nonlinear.newton import FINAL, EquilibriumSolver, NoEquilibrium
+from signorini_fx.forms.nonlinear.results import ResidualMechanics
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord

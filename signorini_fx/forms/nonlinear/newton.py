@@ -20,12 +20,10 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
-from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics, certified, mechanics_at
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, State
-from signorini_fx.forms.nonlinear.penetration import overlap, overlap_of_bodies
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
-from signorini_fx.forms.nonlinear.results import SolvedBody
-from signorini_fx.forms.nonlinear.stability import Stability
+from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified, mechanics_at
+from signorini_fx.forms.nonlinear.verdicts import Stability, overlap, overlap_of_bodies
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError

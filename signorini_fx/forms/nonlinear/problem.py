@@ -19,12 +19,11 @@ from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.given_forms import foundations_of, space_of, supported
-from signorini_fx.forms.nonlinear.displaced_certificate import ResidualMechanics
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
-from signorini_fx.forms.nonlinear.results import lost_digits, slid_past_partners, stress_error
+from signorini_fx.forms.nonlinear.results import ResidualMechanics, lost_digits, slid_past_partners, stress_error
 from signorini_fx.forms.steps import begun_path
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.averages import averaging
@@ -211,7 +210,7 @@ class NonlinearContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution so far: call solve()")
         ends = self._ends if solved.step.status is Status.CONVERGED else [(solved.step, solved.mechanics)]
         ended, spent = (self.status or Status.CONVERGED, self.findings), (self.history, self._solver.timings)
-        solution = solved.solution(self.linear.rigid, ends, ended, spent, title)
+        solution = solved.solution(ends, ended, spent, title)
 
         def error() -> npt.NDArray[np.float64] | str:
             """Of the body as it is now."""

@@ -1,4 +1,8 @@
-"""The results of a ``NonlinearContactProblem`` as a ``Solution``, and the error of its stress from the residual alone.
+"""The results of a ``NonlinearContactProblem`` as a ``Solution``, its certificate, and the error of its stress.
+
+Equilibrium is that of the residual F itself, relative to the contact forces and reactions; no matrix and no
+linearisation enters.  Distances of shapes, normals, and how far they have moved are evaluated at X + u.  The solver and
+the certificate share F, the shapes, and the values of friction at the nodes.
 
 The stress P is what the residual multiplies the gradient of its test function by (of finite strains the first
 Piola-Kirchhoff stress).  In each cell it is taken as a polynomial of degree k - 1, and projected onto the continuous
@@ -9,10 +13,11 @@ stress rough.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,24 +29,152 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.corealg.multifunction import MultiFunction
 
-from signorini_fx.algebra.algorithms.task import Outcome, Task
-from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.forms.given_forms import GivenForms, model_of, named_parts
-from signorini_fx.forms.nonlinear.displaced_certificate import ResidualBody, ResidualMechanics
+from signorini_fx.algebra import Settings
+from signorini_fx.forms.given_forms import Facets, conditions_of, model_of, named_parts
+from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.body.deformation import deformation_of
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
+from signorini_fx.mechanics.loads.supports import prescribed
+from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.records import Finding, History, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.mechanics import StepResult
+from signorini_fx.results.certificate.body_nodes import BodyNodes
+from signorini_fx.results.certificate.certificate import Certificate, judged
+from signorini_fx.results.certificate.contact_nodes import ContactConditions
+from signorini_fx.results.certificate.equilibrium import Balance
+from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.pair_points import PairPoints
+from signorini_fx.results.mechanics import SolidBody, StepResult
+from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.solution import Solution
+from signorini_fx.results.stresses import RawStresses
 from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FACETS_OF_KEPT_PARTNERS
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ResidualMechanics:
+    """What the residual says of a body at a displacement.
+
+    Attributes:
+        forces: the residual as forces on the body without contact.
+        contact: what holds at the contact points, met at the displaced points; None: there is no contact.
+        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
+    """
+
+    forces: Balance
+    contact: ContactConditions | None
+    fixed: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualBody(SolidBody):
+    """A body that its residual says all of, at the displacements of its load steps.
+
+    Attributes:
+        ends: each load step with what it says there, the last one at least.
+        boundaries: the facets of each part of the boundary that was given a name.
+        stress_error: gives what cells have of the error of the stress at the last one, see ``stress_error``.
+    """
+
+    no_bounds: ClassVar[str] = "a nonlinear body has no guaranteed bound"
+
+    ends: Sequence[tuple[StepResult, ResidualMechanics]]
+    boundaries: Mapping[str, Facets]
+    stress_error: Callable[[], Array | str] = lambda: "there is no estimate of the error"
+
+    def conditions(self, y: fem.Function) -> ContactConditions | None:
+        return self._at(y).contact
+
+    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
+        return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
+
+    def balance(self, y: fem.Function, step: float) -> Balance:
+        return self._at(y).forces
+
+    def acting(self, y: fem.Function, step: float) -> ActingForces:
+        """At the supports; which loads act is known to the residual alone."""
+        end = self._at(y)
+        return acting_on(end.forces, self.boundaries, end.fixed, (), displaced=True)
+
+    def _at(self, y: fem.Function) -> ResidualMechanics:
+        """That of the load step with a displacement, or of the last one."""
+        return next((end for load_step, end in self.ends if load_step.displacement is y), self.ends[-1][1])
+
+
+def mechanics_at(
+    u: fem.Function, residual: Array, linear: LinearisedProblem, lost: Array | None = None
+) -> ResidualMechanics:
+    """The forces on a body and its contact at a displacement, where F is ``residual`` and its round-off ``lost``,
+    None: not known, forces at the owned unknowns; ``linear``: of the last iteration; collective.
+    """
+    space, scales = u.function_space, linear.scales
+    fixed, values = prescribed(space, conditions_of(linear.bcs, space))
+    forces = residual.reshape(-1, space.mesh.geometry.dim)
+    nothing = np.zeros_like(forces)
+    balance = Balance(
+        BodyNodes(space),
+        forces,
+        nothing,
+        prescribed_nodes(fixed, values, space),
+        scales,
+        scales,
+        nothing,
+        lost=nothing if lost is None else lost.reshape(forces.shape),
+        with_loads=True,
+        displaced=bool(linear.shapes or linear.pairs),
+    )
+    return ResidualMechanics(balance, conditions_at(u, linear, fixed, values) if linear.contact else None, fixed)
+
+
+def conditions_at(
+    u: fem.Function, linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values: Array
+) -> ContactConditions:
+    """What holds at the contact points where a displacement has taken them: distances and normals of shapes, and the
+    maps of pairs; ``fixed``: which dofs are prescribed, and to what, shapes (dofs,); collective.
+    """
+    linear.slide()
+    data, foundations = [*linear.data], linear.foundations
+    places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
+    for number, moving in linear.shapes.items():
+        gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
+        gap[moving.nodes], along[moving.nodes] = moving.projected(linear=False)
+        gap[moving.nodes] += moving.added
+        data[number] = replace(data[number], gap=gap, shape=replace(data[number].shape, direction=along))
+    for number in linear.pairs:  # their distance is that of the map
+        allowance = data[number].allowance
+        assert allowance is not None
+        data[number] = replace(data[number], gap=allowance)
+    boundary = linear.points([entry.shape for entry in data], fixed, values)
+    regularised, law = foundations.problem(boundary, data, Settings.of(linear.settings), linear.scales)
+    both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **linear.pairs}
+    pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
+    return ContactConditions(boundary, regularised.gap, law, regularised.bilateral, pairs)
+
+
+def certified(
+    u: fem.Function, mechanics: ResidualMechanics, linear: LinearisedProblem, tractions: Tractions | None = None
+) -> Certificate:
+    """Check equilibrium and contact conditions at a displacement; ``linear``: of the last iteration; ``tractions``:
+    None: those of the solver; collective.
+    """
+    tools, before = linear.foundations.rigid_bodies, linear.previous_step
+    tractions = tractions or Tractions.of(linear.state)
+    rigid = [*zip(tools.motions, tools.drives(), strict=True)]
+    if before is not None:
+        boundary, moved = linear.state.boundary, linear.moved(linear.state.boundary)
+        signed = [(tool, -1.0) for tool in tools.motions] + [(tool, 1.0) for tool in before.rigid]
+        for tool, sign in [] if moved is None else signed:  # beyond what they tell of the undeformed points
+            touching = np.isin(boundary.part, tool.body.parts)
+            moved[touching] += sign * tool.at(boundary.x[touching])
+        before = replace(before, moved=moved)
+    return judged(u, mechanics.forces, mechanics.contact, tractions, law=linear.law, before=before, rigid=rigid)
 
 
 @dataclass(frozen=True)
@@ -49,18 +182,12 @@ class SolvedBody:
     """A nonlinear body at a solution.
 
     Attributes:
-        forms: tangent and residual, with the foundations where they are.
-        elastic: the body of the last tangent.
-        outcome: how its contact problem has ended; ``law``: its friction, None: no law can act; ``task``: this problem.
+        linear: the problem of the last iteration, with the foundations where they are.
         mechanics: the forces and contact sides.
         step: the solution as a load step.
     """
 
-    forms: GivenForms
-    elastic: ElasticBody
-    outcome: Outcome
-    law: PointFriction | None
-    task: Task
+    linear: LinearisedProblem
     mechanics: ResidualMechanics
     step: StepResult
 
@@ -75,11 +202,11 @@ class SolvedBody:
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
         """What there is after a solve, with its linear solves and how it has ended; collective."""
-        assert linear.outcome is not None
-        shapes = linear.shapes
+        shapes, solved = linear.shapes, copy(linear)
         placed: Any = [
             replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(linear.contact)
         ]
+        solved.forms = replace(linear.forms, contact=tuple(placed))
         number, y = linear.begun.step, u.copy()
         y.name = u.name
         step = StepResult(
@@ -96,12 +223,10 @@ class SolvedBody:
             linear_solves=solves,
             tools=linear.foundations.rigid_bodies.motions,
         )
-        forms = replace(linear.forms, contact=tuple(placed))
-        return cls(forms, linear.elastic, linear.outcome, linear.begun.law, linear.task, mechanics, step)
+        return cls(solved, mechanics, step)
 
     def solution(
         self,
-        rigid: Any,
         ends: Sequence[tuple[StepResult, ResidualMechanics]],
         ended: tuple[Status, tuple[Finding, ...]],
         spent: tuple[History, Timings],
@@ -113,13 +238,15 @@ class SolvedBody:
         steps = [step for step, _ in ends]
         names = tuple(step.name for step in steps) if any(step.name for step in steps) else ()
         path = LoadPath(tuple(step.time for step in steps), names) if steps else counted_path(self.step.step - 1)
-        named = named_parts(self.forms, self.elastic.settings, ("F",))
-        model = model_of(self.elastic, named, path, title, self.law, {}, rigid)
+        linear = self.linear
+        assert linear.outcome is not None
+        named = named_parts(linear.forms, linear.elastic.settings, ("F",))
+        model = model_of(linear.elastic, named, path, title, linear.begun.law, {}, linear.rigid)
         ends = tuple(ends) or ((self.step, self.mechanics),)
-        body = ResidualBody.of(model, ends=ends, boundaries=self.forms.boundaries)
+        body = ResidualBody.of(model, ends=ends, boundaries=linear.forms.boundaries)
         (status, found), (history, timings) = ended, spent
-        outcome = self.outcome, self.outcome.problem.data
-        solution = contact_solution(body, steps or (self.step,), self.task, outcome, timings, lambda: found)
+        outcome = linear.outcome, linear.outcome.problem.data
+        solution = contact_solution(body, steps or (self.step,), linear.task, outcome, timings, lambda: found)
         return replace(solution, status=status, algorithm=f"newton, {solution.algorithm}", history=history)
 
 
@@ -176,9 +303,7 @@ def slid_past_partners(linear: LinearisedProblem) -> list[Finding]:
     return findings
 
 
-def stress_error(
-    residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]
-) -> npt.NDArray[np.float64] | str:
+def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> Array | str:
     """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; ``parts``:
     cells of each material, local numbers, ghosts included; collective.
     """
