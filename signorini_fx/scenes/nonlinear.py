@@ -138,7 +138,7 @@ class ProblemOfScene(NonlinearContactProblem):
         problem._solver.too_large = problem._too_large
         problem._solver.tangents.trusted = body.tangent is not None
         problem.linear.bodies, problem.linear.history = model.pieces.bodies, history
-        problem._begins_at(statement.placed(-1))
+        problem.begin_at(-1.0)
         return problem
 
     def solved(
@@ -218,16 +218,10 @@ class ProblemOfScene(NonlinearContactProblem):
         self._solver.begun = step.begun
         return linearised_at(self._solver, self.linear)
 
-    def go_through(self, begins_at: float | None, path_step: float) -> None:
-        """Loads, supports and foundations of a load step, with slips that count from the place where the one before it
-        ends, None: there is none; collective.
-        """
-        if begins_at is None:
-            self._begins_at(self.statement.placed(-1))
-        else:
-            self.go_to(begins_at)
-            self.linear.foundations.settle()
+    def begin_at(self, path_step: float) -> None:
+        """Go to a place, from which slips count; collective."""
         self.go_to(path_step)
+        self.linear.foundations.settle()
 
     def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
         """Minus the residual of the body in another scene, without materials that have a state, on the mesh at the
@@ -243,11 +237,6 @@ class ProblemOfScene(NonlinearContactProblem):
         size = deformation_of(self.linear.elastic, self.u, self.linear.scales.size).largest
         limit = self.statement.solver.largest_deformation
         return "" if size <= limit else f"it is {size:.3g}, of small strains at most {limit:g}"
-
-    def _begins_at(self, statement: Statement) -> None:
-        """Slip counts from where foundations are at time 0."""
-        self._move(statement)
-        self.linear.foundations.settle()
 
     def _move(self, statement: Statement) -> None:
         """Put the foundations where they are in a statement, and take its gaps and friction."""

@@ -160,7 +160,8 @@ class ChangedScene:
             y.x.scatter_forward()
             usual = replace(usual, prescribed=values, forces=problem.forces_anew(problem.statement, y))
         touching = self._touching
-        touching.go_through(None if step.preceding is None else step.preceding.path_step, step.path_step)
+        touching.begin_at(-1.0 if step.preceding is None else step.preceding.path_step)
+        touching.go_to(step.path_step)
         touching.u.x.array[:] = y.x.array
         begun = np.zeros_like(y.x.array) if step.earlier is None else step.earlier.displacement.x.array.copy()
         if self._model is not None and step.earlier is not None and step.preceding is not None:

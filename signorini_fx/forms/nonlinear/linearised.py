@@ -242,7 +242,7 @@ class LinearisedProblem(FormSolver):
     several = False
     bodies: tuple[str, ...] = ()
     _keeps = False  # whether the next solve keeps the stiffness of the last one
-    _retains_all = True  # while no tangent is solved for, or where the choice of ``_far_points`` left out too many
+    _retains_all = False  # where the choice of ``_far_points`` has left out too many
     _farthest = 0.0  # the largest increment of this load so far, length
     _round_off: float | None = None  # see ``_lost``, of the present load
     foundations: MovingFoundations
@@ -319,7 +319,6 @@ class LinearisedProblem(FormSolver):
         self._hessians, tools, self.relative = hessians, self.foundations.rigid_bodies, None
         if tools.bodies:
             self.relative = tools.relative_stiffness(state, blocks)
-            blocks = np.zeros_like(blocks)
         joint = tuple(pair.stiffness(state) for pair in self.pairs.values())
         places = self.places[: self.space.dofmap.index_map.size_local]
         for number, (_, paired) in self.foundations.undeformed.items():
@@ -374,8 +373,7 @@ class LinearisedProblem(FormSolver):
             beside["of_body"] = last.of_body if self._keeps else last.of_supports
             if self._keeps and isinstance(self.task.system, CondensedSystem):
                 beside["eliminated"] = self.task.system.schur
-        if self.relative is not None and len(self.relative) == boundary.size:
-            beside["relative"] = self.relative
+        beside["relative"] = self.joined(boundary)
         if definite:
             beside["far"] = self._far_points(boundary)
         try:
@@ -387,6 +385,12 @@ class LinearisedProblem(FormSolver):
         self.symmetric = False
         self.history.add("the tangent is not symmetric: it is factorised as LU")
         return self._body(fixed, boundary)
+
+    def joined(self, boundary: ContactBoundary) -> tuple[Array, Array] | None:
+        """See ``MovingTools.joined``; None: there are no tractions."""
+        if self.relative is None or len(self.relative) != boundary.size:
+            return None
+        return self.foundations.rigid_bodies.joined(self.relative, boundary)
 
     def _forces(self) -> Array:
         return self.elastic.forces_where_free(self._at) - self._residual_now
@@ -405,13 +409,13 @@ class LinearisedProblem(FormSolver):
             driving = None if driven is None else driven.forces
             resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driving)
             case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
-        if elastic.relative is None or self.relative is None:
+        if elastic.relative is None:
             return case
         moved, driven = self.foundations.coordinates, self.rigid.driven_together
         assert driven is not None
         away = self._at.x.array - np.where(self.prescribed[0], values, 0.0)
         forces, _ = elastic.relative_forces(away, moved - np.where(self.rigid.fixed, driven.motion, 0.0))
-        case.load.getArray()[:] += np.where(elastic.prescribed, 0.0, forces)
+        case.load.getArray()[: forces.size] += np.where(elastic.prescribed[: forces.size], 0.0, forces)
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
@@ -503,13 +507,6 @@ class LinearisedProblem(FormSolver):
         if why:
             raise ConvergenceError(self, why)
 
-    def attempt(self) -> str:
-        self._retains_all = False
-        try:
-            return super().attempt()
-        finally:
-            self._retains_all = True
-
     def _outcome_of_now(self) -> Outcome:
         """Once more with all points if one has touched that was taken to be far."""
         outcome = super()._outcome_of_now()
@@ -517,7 +514,10 @@ class LinearisedProblem(FormSolver):
         # Other systems reach all points, and so does a condensed one of a body that only contact holds.
         if isinstance(system, CondensedSystem) and system.elasticity.far is not None and self._far_touch(outcome):
             self._retains_all, self._last_pattern = True, None
-            self.begun = self.begin_step()
+            try:
+                self.begun = self.begin_step()
+            finally:
+                self._retains_all = False
             outcome = super()._outcome_of_now()
         return outcome
 
@@ -531,7 +531,8 @@ class LinearisedProblem(FormSolver):
         state, values, dim = self._state, self._at.x.array, boundary.x.shape[1]
         plain = boundary.averages.shares.nnz == boundary.size > 0 and boundary.moving is None and not boundary.paired
         known = state is not None and state.boundary.size == boundary.size
-        if dim != 3 or boundary.comm.size > 1 or self._retains_all or not plain or not known:
+        iterates = self.residual is not None and not self._retains_all
+        if dim != 3 or boundary.comm.size > 1 or not iterates or not plain or not known:
             return None
         assert state is not None
         distance, added = np.full(boundary.size, -np.inf), np.zeros(len(self.places))
@@ -670,7 +671,8 @@ class LinearisedProblem(FormSolver):
             springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
             work += float(springs @ moved**2)
             if self.elastic.relative is not None:
-                work += self.elastic.relative_forces(displacement.x.array, moved)[1]
+                on_tools = self.elastic.relative_forces(displacement.x.array, moved)[1]
+                work += float(2 * on_tools @ moved + moved @ self.elastic.relative[1] @ moved)
         return self.elastic.forces_where_free(displacement), self.curvature.times(displacement), work
 
     def state_now(self, certificate: Certificate | None, iterations: int) -> State:

@@ -37,6 +37,7 @@ from dolfinx import fem
 from scipy.spatial.transform import Rotation
 
 from signorini_fx.errors import FormError
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
@@ -331,3 +332,15 @@ class MovingTools(RigidBodies):
         blocks = turned[:, axes][:, :, axes] / np.multiply.outer(self.units, self.units)
         blocks[:, :dim, :dim] += curvature
         return np.asarray(blocks)
+
+    def joined(self, blocks: Array, boundary: ContactBoundary) -> tuple[Array, Array]:
+        """What these forces, ``blocks``, are of the unknowns of tools, see ``ElasticBody.relative``; collective."""
+        assert boundary.moving is not None
+        (_, dim, count), each = boundary.moving.modes.shape, self.units.size
+        seen = np.zeros((boundary.size, each, dim + count))  # (r, L w) from a displacement and the unknowns
+        seen[:, :dim, :dim], seen[:, :dim, dim:] = np.eye(dim), -boundary.moving.modes
+        for number, body in enumerate(self.bodies):
+            points, turns = np.flatnonzero(np.isin(boundary.part, body.parts))[:, None], np.arange(dim, each)
+            seen[points, turns, dim + each * number + turns] = 1.0
+        forces = seen.transpose(0, 2, 1) @ blocks @ seen
+        return forces[:, :dim, dim:], parallel.global_sum(boundary.comm, forces[:, dim:, dim:].sum(axis=0))

@@ -125,7 +125,7 @@ class Stability:
             linear.state.boundary if linear.contact else None,
             linear.settings.model_copy(update={"linear_algebra": "full"}),
             beside=linear.curvature,
-            relative=linear.relative,
+            relative=linear.joined(linear.state.boundary) if linear.contact else None,
             definite=False,
             symmetric=False,
             of_body=linear.elastic.of_supports,

@@ -31,9 +31,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.contact_points.contact_boundary import (
     ContactBoundary,
-    block_diagonal,
     contact_map,
-    with_rotations,
 )
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw, embedding
@@ -77,9 +75,8 @@ class ElasticBody:
         compressible: whether the material is far enough from incompressible for multigrid.
         elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
         beside: what a(., .) has beside ``terms``; None: nothing.
-        relative: what the unknowns have beside a(., .) at the contact points, of displacements relative to rigid
-            bodies, in the axes of space, and of their rotations times L, force per length, shape (n, m, m); None:
-            nothing.
+        relative: forces of the k unknowns of rigid bodies at the contact points, and on these themselves, beside
+            a(., .) and springs, force per length, shapes (n, d, k) and (k, k), symmetric; None: nothing.
         definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
         symmetric: whether a(., .) is symmetric; else it is not definite.
         far: which contact points are not expected to touch, shape (n,), and a displacement that tells where they are;
@@ -102,7 +99,7 @@ class ElasticBody:
     compressible: bool = True
     elastic: ElasticLaw = field(default_factory=ElasticLaw)
     beside: NodalStiffness | None = None
-    relative: Array | None = None
+    relative: tuple[Array, Array] | None = None
     definite: bool = True
     symmetric: bool = True
     far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
@@ -214,7 +211,7 @@ class ElasticBody:
             stiffness = with_more_unknowns(of_body, springs)
             rotation = embedding(rotation, of_body, stiffness)
             if self.relative is not None:
-                self._add_relative(stiffness, rotation)
+                self._add_relative(stiffness)
         diagonal = stiffness.getDiagonal()
         values = diagonal.getArray()
         # In any unit it is neither small nor large beside the other entries.
@@ -222,36 +219,40 @@ class ElasticBody:
         stiffness.setDiagonal(diagonal)
         return self.elastic.joined(stiffness, rotation, turning, fixed)
 
-    def _add_relative(self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None) -> None:
+    def _add_relative(self, stiffness: PETSc.Mat) -> None:
         """Add ``relative`` to a stiffness without the rows and columns of what is prescribed; collective."""
-        fixed = self._held
-        operator, blocks = self._relative(contact_map(self.boundary, fixed, stiffness, rotation, self.dimension))
-        added = operator.transposeMatMult(block_diagonal(operator, blocks).matMult(operator))
-        first = added.getOwnershipRange()[0]
-        added.zeroRowsColumns((first + np.flatnonzero(fixed)).astype(PETSc.IntType), diag=0.0)
+        boundary, dim = self.boundary, self.dimension
+        assert boundary is not None
+        assert boundary.moving is not None
+        assert self.relative is not None
+        free = ~boundary.moving.fixed
+        at_points = self.relative[0] * ~self.fixed.reshape(-1, dim)[boundary.nodes][:, :, None] * free
+        own = self.relative[1] * np.outer(free, free) * (self._rigid > 0)
+        (first, _), total = stiffness.getOwnershipRange(), stiffness.getSize()[0]
+        rows = (first + dim * boundary.nodes[:, None] + np.arange(dim)).ravel().astype(PETSc.IntType)
+        rigid = (total - free.size + np.arange(free.size)).astype(PETSc.IntType)
+        added = PETSc.Mat().createAIJ(stiffness.getSizes(), comm=stiffness.comm)
+        added.setUp()
+        values = at_points.reshape(rows.size, free.size)
+        added.setValues(rows, rigid, values, addv=True)
+        added.setValues(rigid, rows, np.ascontiguousarray(values.T), addv=True)
+        added.setValues(rigid, rigid, own, addv=True)
+        added.assemble()
         stiffness.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
 
-    def _relative(self, contact: ContactMap) -> tuple[PETSc.Mat, Array]:
-        """``with_rotations``, and ``relative`` in the frames of its rows, shape (n, m, m); collective."""
-        boundary, relative, dim = self.boundary, self.relative, self.dimension
-        assert boundary is not None
-        assert relative is not None
-        onto = np.tile(np.eye(relative.shape[1]), (boundary.size, 1, 1))
-        onto[:, :dim, :dim] = np.concatenate((boundary.normal[:, :, None], boundary.cotangents), axis=2)
-        return with_rotations(contact, boundary), np.asarray(onto.transpose(0, 2, 1) @ relative @ onto)
-
-    def relative_forces(self, displacement: Array, driven: Array) -> tuple[Array, float]:
-        """The forces of ``relative`` on all unknowns, and their work, of displacements of the nodes of this rank, shape
-        (dofs,), and motions of rigid bodies, shape (k,); collective.
+    def relative_forces(self, displacement: Array, driven: Array) -> tuple[Array, Array]:
+        """The forces of ``relative`` on all unknowns of this rank but a pressure, and those of its part at the contact
+        points on rigid bodies, shape (k,), of displacements of the nodes, shape (dofs,), and motions, shape (k,);
+        collective.
         """
-        operator, blocks = self._relative(self.contact)
-        x = self.vector(displacement)
-        self.begin_driven(x, driven, None)
-        motion, forces = operator.createVecLeft(), x.duplicate()
-        operator.mult(x, motion)
-        motion.getArray()[:] = np.einsum("nij,nj->ni", blocks, motion.getArray().reshape(blocks.shape[:2])).ravel()
-        operator.multTranspose(motion, forces)
-        return np.array(forces.getArray(readonly=True)), float(forces.dot(x))
+        assert self.boundary is not None
+        assert self.relative is not None
+        (at_points, own), nodes, forces = self.relative, self.boundary.nodes, np.zeros(self._held.size)
+        np.add.at(forces[: self.fixed.size].reshape(-1, self.dimension), nodes, at_points @ driven)
+        moved = displacement.reshape(-1, self.dimension)[nodes]
+        on_rigid: Array = parallel.global_sum(self.comm, np.einsum("nik,ni->k", at_points, moved))
+        forces[self.fixed.size :] = (on_rigid + own @ driven)[: self._rigid]
+        return forces, on_rigid
 
     @shared_in("of_body")
     def _fit_for_blocks(self) -> bool:

@@ -347,27 +347,6 @@ def contact_map(
     return replace(mapping, operator=relative, paired=True)
 
 
-def with_rotations(contact: ContactMap, boundary: ContactBoundary) -> PETSc.Mat:
-    """B, whose last columns are the unknowns of rigid bodies, with rows more after those of each point: the rotations
-    of the rigid body that it touches, times L; collective.
-    """
-    moving, dim, count = boundary.moving, boundary.x.shape[1], boundary.size
-    assert moving is not None
-    (_, (columns, total)) = contact.operator.getSizes()
-    each = moving.number.size // len(moving.bodies)
-    starts, names, values = contact.operator.getValuesCSR()
-    along = sp.coo_array(sp.csr_array((values, names, starts), shape=(dim * count, total)))
-    points, unknown = np.nonzero((moving.modes != 0.0).any(axis=1))
-    points, first = np.unique(points, return_index=True)
-    turns = np.arange(dim, each)  # of the rows of a point, and of the unknowns of a body
-    about = total - moving.number.size + each * moving.number[unknown[first]][:, None] + turns
-    rows = np.concatenate((each * (along.row // dim) + along.row % dim, (each * points[:, None] + turns).ravel()))
-    entries = np.append(along.data, np.ones(about.size)), (rows, np.append(along.col, about.ravel()))
-    matrix = sp.csr_array(entries, shape=(each * count, total))
-    csr = (matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType), matrix.data)
-    return PETSc.Mat().createAIJ(((each * count, None), (columns, None)), csr=csr, comm=contact.operator.comm)
-
-
 def block_diagonal(operator: PETSc.Mat, blocks: Nodal) -> PETSc.Mat:
     """The matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an operator; collective."""
     rows, first = operator.getSizes()[0], operator.getOwnershipRange()[0]
