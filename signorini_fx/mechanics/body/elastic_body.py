@@ -192,15 +192,12 @@ class ElasticBody:
 
             return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
-        frames = [] if turned is None else [(turned.nodes[on_rank := turned.nodes < owned], turned.frames[on_rank])]
-        stiffness = sum_of(self.forms, [] if frames else self.bcs)
+        stiffness = sum_of(self.forms, self.bcs if turned is None else [])
         if self.beside is not None:
-            self.beside.add_to(stiffness, None if frames else self.fixed)
+            self.beside.add_to(stiffness, self.fixed if turned is None else None)
         rotation, fixed = None, self._held
-        if frames:
-            from signorini_fx.mechanics.contact_points.turned_supports import block_rotation
-
-            rotation = block_rotation(stiffness, frames)
+        if turned is not None:
+            rotation = block_diagonal(stiffness, turned.frames_at(np.arange(owned)))
             stiffness = stiffness.ptap(rotation)
             stiffness.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
             first = stiffness.getOwnershipRange()[0]

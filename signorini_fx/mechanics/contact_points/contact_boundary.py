@@ -1,9 +1,9 @@
 """The contact boundary: its nodes with weights and directions, the traces tau_N y and tau_T y, and the map B to them.
 
 With the nodal rule of ``assembly.quadrature`` the products on Gamma_c are sums over nodes,
-(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom; that
-rank may own none of the facets around it.  A node of two contact boundaries has two entries here, one for each normal.
-Where the nodes have no such rule the contact points are the vertices, at which z_i is an average (``averages.py``).
+(lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom.  A node
+of two contact boundaries has two entries, one for each normal.  Where nodes have no such rule the contact points are
+the vertices, at which z_i is an average (``averages.py``).
 """
 
 from __future__ import annotations
@@ -195,9 +195,8 @@ class ContactBoundary:
 def tangents_of(normal: Nodal) -> Nodal:
     """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
 
-    In 2D t = (-n_2, n_1): for a body above its foundation it points along x[0].  In 3D they are any two unit
-    vectors of a right-handed frame (n, t_1, t_2) (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8), which must not be
-    compared from node to node.
+    In 2D t = (-n_2, n_1), along x[0] for a body above its foundation; in 3D any two of a right-handed frame (n, t_1,
+    t_2) (Duff et al., J. Comput. Graph. Tech. 6 (2017) 1-8), which must not be compared from node to node.
     """
     if normal.shape[1] == 2:
         return np.stack((-normal[:, 1], normal[:, 0]), axis=1)[:, :, None]
@@ -212,10 +211,8 @@ def tangents_of(normal: Nodal) -> Nodal:
 
 def join(parts: list[ContactBoundary]) -> ContactBoundary:
     """Several contact boundaries as one list of nodes."""
-    fields: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes", "axes")
-    }
+    names = ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes", "axes")
+    fields: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     pushing = None
     if any(part.pushing is not None for part in parts):
         pushing = np.concatenate([part.normal if part.pushing is None else part.pushing for part in parts])
@@ -350,13 +347,11 @@ def contact_map(
 def block_diagonal(operator: PETSc.Mat, blocks: Nodal) -> PETSc.Mat:
     """The matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an operator; collective."""
     rows, first = operator.getSizes()[0], operator.getOwnershipRange()[0]
-    count, size, _ = blocks.shape
-    matrix = PETSc.Mat().createAIJ((rows, rows), nnz=(size, 0), comm=operator.comm)
-    numbers = (first + np.arange(count * size).reshape(count, size)).astype(PETSc.IntType)
-    if count:
-        matrix.setValuesRCV(numbers, numbers, np.ascontiguousarray(blocks))
-    matrix.assemble()
-    return matrix
+    numbers = np.arange(len(blocks) + 1)
+    csr = sp.csr_array(sp.bsr_array((blocks, numbers[:-1], numbers), shape=(rows[0], rows[0])))
+    csr.eliminate_zeros()
+    entries = csr.indptr.astype(PETSc.IntType), (first + csr.indices).astype(PETSc.IntType), csr.data
+    return PETSc.Mat().createAIJ((rows, rows), csr=entries, comm=operator.comm)
 
 
 def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
@@ -374,8 +369,8 @@ def _lift(boundary: ContactBoundary, operator: PETSc.Mat) -> PETSc.Mat | None:
     columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()[lift.indices]
     csr = (lift.indptr.astype(PETSc.IntType), columns.astype(PETSc.IntType), lift.data)
     inverse = PETSc.Mat().createAIJ(operator.getSizes(), csr=csr, comm=operator.comm).transpose(PETSc.Mat())
-    # Points see half the rotation of their own nodes, too, which is along other directions than the displacements that
-    # cause it: one step of Newton's method for the inverse of B S, S (2 - B S), leaves the square of a small angle.
+    # Points see half the rotation of their own nodes, too, along other directions than the displacements that cause it:
+    # one step of Newton's method for the inverse of B S, S (2 - B S), leaves the square of a small angle.
     turned = operator.matMult(inverse)
     turned.scale(-1.0)
     turned.shift(2.0)

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.tuned import ROOT_OF_EPS
@@ -24,14 +23,9 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SkewSupport:
-    """A normal displacement on a flat boundary across no axis.
-
-    Attributes:
-        effect: of the scene.
-        position: of the effect in ``scene.displacement``.
-        nodes: local numbers, ghosts included, shape (m,).
-        normal: outward unit normal, shape (d,).
-        values: n . y at the nodes, length, shape (m,).
+    """A normal displacement on a flat boundary across no axis: its effect, and the position of that in
+    ``scene.displacement``, m nodes, local numbers, ghosts included, the outward unit normal, shape (d,), and n . y at
+    the nodes, length, shape (m,).
     """
 
     effect: PrescribedDisplacement
@@ -62,12 +56,9 @@ class TurnedNodes:
 
     @classmethod
     def of(cls, supports: Sequence[SkewSupport], axes: npt.NDArray[np.int64]) -> TurnedNodes:
-        """The frames of all nodes with skew supports.
-
-        Args:
-            supports: at least one.
-            axes: position in ``scene.displacement`` of the support that prescribes each component, -1 where none does,
-                ghosts included, shape (nodes, d).
+        """The frames of all nodes with skew supports, of which there is one; ``axes``: position in
+        ``scene.displacement`` of the support that prescribes each component, -1 where none does, ghosts included, shape
+        (nodes, d).
         """
         dim = axes.shape[1]
         nodes = np.unique(np.concatenate([support.nodes for support in supports]))
@@ -86,49 +77,26 @@ class TurnedNodes:
         """Put what the active effects prescribe into nodal displacements, shape (nodes, d), which have what supports
         along the axes prescribe.
         """
-        prescribed = [y[self.nodes]]
-        for support in self.supports:
-            values = np.zeros(len(y))
+        given = np.zeros((len(y), y.shape[1] + len(self.supports)))
+        given[:, : y.shape[1]] = y
+        for column, support in enumerate(self.supports, start=y.shape[1]):
             if any(support.effect is effect for effect in active):
-                values[support.nodes] = support.values
-            prescribed.append(values[self.nodes, None])
-        y[self.nodes] = np.einsum("nij,nj->ni", self.from_given, np.concatenate(prescribed, axis=1))
+                given[support.nodes, column] = support.values
+        y[self.nodes] = np.einsum("nij,nj->ni", self.from_given, given[self.nodes])
 
     def frames_at(self, nodes: npt.NDArray[np.integer[Any]]) -> _Floats:
         """The frame of each of some nodes, the axes where it is not turned, shape (n, d, d)."""
-        dim = self.frames.shape[1]
-        frames = np.tile(np.eye(dim), (len(nodes), 1, 1))
-        rows = np.minimum(np.searchsorted(self.nodes, nodes), self.nodes.size - 1)
-        turned = self.nodes[rows] == nodes if self.nodes.size else np.zeros(len(nodes), dtype=bool)
-        frames[turned] = self.frames[rows[turned]]
+        frames = np.tile(np.eye(self.frames.shape[1]), (len(nodes), 1, 1))
+        turned = np.isin(nodes, self.nodes)
+        frames[turned] = self.frames[np.searchsorted(self.nodes, nodes[turned])]
         return frames
 
 
-def block_rotation(like: PETSc.Mat, frames: Sequence[tuple[npt.NDArray[np.int32], _Floats]]) -> PETSc.Mat:
-    """Q with the layout of ``like``: of each block (owned nodes, frames), where several have a node that of the last
-    one; elsewhere the identity.
-    """
-    dim = frames[0][1].shape[1]
-    rotation = PETSc.Mat().createAIJ(like.getSizes(), nnz=(dim, 0), comm=like.comm)
-    first, last = rotation.getOwnershipRange()
-    rotation.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-    for row in range(first, last):
-        rotation.setValue(row, row, 1.0)
-    for nodes, values in frames:
-        rotation.assemble()
-        if nodes.size:
-            rows = (first + dim * nodes[:, None] + np.arange(dim)).astype(PETSc.IntType)
-            rotation.setValuesRCV(rows, rows, np.ascontiguousarray(values))
-    rotation.assemble()
-    return rotation
-
-
 def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Floats, int, _Floats]:
-    """The frame of a node, and the displacement that its supports prescribe.
+    """The frame of a node, how many of its components are prescribed, and the displacement from what is given.
 
-    Of two supports the later one applies in full.  The earlier one applies in the directions that the later one leaves
-    free, exactly if the two do not contradict each other, otherwise in the sense of least squares; this does not depend
-    on how the body is turned.
+    Of two supports the later one applies in full, the earlier one in the directions that the later one leaves free:
+    exactly if the two do not contradict each other, otherwise in the sense of least squares.
     """
     identity, free = np.eye(len(directions)), np.eye(directions.shape[1])
     matrix = np.zeros(directions.T.shape)

@@ -69,7 +69,7 @@ class MeshLevel:
 
         Multigrid coarsens locally, where the motions of a piece are those of the whole body.
         """
-        motions, comm = self.motions, self.space.mesh.comm
+        motions = self.motions
         modes = rigid_modes(motions.x[: self.owned], motions.centre[0], motions.length[0])
         vectors = [self.vector() for _ in range(modes.shape[2])]
         for k, vector in enumerate(vectors):
@@ -80,7 +80,7 @@ class MeshLevel:
             for earlier in vectors[:k]:
                 vector.axpy(-vector.dot(earlier), earlier)
             vector.normalize()
-        return PETSc.NullSpace().create(vectors=vectors, comm=comm)
+        return PETSc.NullSpace().create(vectors=vectors, comm=self.space.mesh.comm)
 
     def vector(self) -> PETSc.Vec:
         """A vector of the displacements, zero; collective."""
@@ -98,17 +98,14 @@ class MeshLevel:
 
         None: there is no coarser mesh, or it does not cover this one.
         """
-        if self.coarser is None:
-            return None
-        shares = self._shares(self.coarser)
-        if shares is None:
+        if self.coarser is None or (shares := self._shares(self.coarser)) is None:
             return None
         # One share for all components of a node.
         spread = scipy.sparse.kron(shares, scipy.sparse.eye(self.block), format="csr")
         spread.sort_indices()
-        rows, columns = self.owned * self.block, self.coarser.owned * self.block
+        sizes = (self.owned * self.block, None), (self.coarser.owned * self.block, None)
         csr = (spread.indptr.astype(PETSc.IntType), spread.indices.astype(PETSc.IntType), spread.data)
-        matrix = PETSc.Mat().createAIJ(((rows, None), (columns, None)), csr=csr, comm=self.space.mesh.comm)
+        matrix = PETSc.Mat().createAIJ(sizes, csr=csr, comm=self.space.mesh.comm)
         if self.coarser.rotation is not None:
             matrix = matrix.matMult(self.coarser.rotation)
         if self.rotation is not None:
@@ -121,12 +118,10 @@ class MeshLevel:
         from signorini_fx.mechanics.mesh.points import at_points
 
         shape = coarse.space.ufl_element().sub_elements[0]
-        dofmap = coarse.space.dofmap
-        coarse_pieces, motions = coarse.motions.pieces, self.motions
+        dofmap, pieces = coarse.space.dofmap, None
         # Bodies in contact touch or overlap: a node belongs to its own one.  Pieces are in the order of their places.
-        pieces = None
-        if coarse_pieces.count == motions.pieces.count > 1:
-            pieces = motions.piece[: self.owned], coarse_pieces.of_cell
+        if coarse.motions.pieces.count == self.motions.pieces.count > 1:
+            pieces = self.motions.piece[: self.owned], coarse.motions.pieces.of_cell
 
         def at(cells: npt.NDArray[Any], points: Array) -> Array:
             """The nodes of cells, and their shares in points there."""
@@ -135,11 +130,9 @@ class MeshLevel:
             return np.hstack((nodes, np.where(np.abs(shares) < NOTHING_LEFT, 0.0, shares)))
 
         x = node_positions(self.space)[: self.owned]
-        located = at_points(coarse.space.mesh, x, OUTSIDE_COARSER_MESH, at, pieces)
-        if located is None:
+        if (located := at_points(coarse.space.mesh, x, OUTSIDE_COARSER_MESH, at, pieces)) is None:
             return None
         columns, values = np.split(located.reshape(self.owned, 2 * shape.dim), 2, axis=1)
-        used = values != 0
-        row = np.repeat(np.arange(self.owned), used.sum(axis=1))
-        total = dofmap.index_map.size_global
-        return scipy.sparse.csr_matrix((values[used], (row, columns[used].astype(np.int64))), shape=(self.owned, total))
+        row, used = np.nonzero(values)
+        entries = values[row, used], (row, columns[row, used].astype(np.int64))
+        return scipy.sparse.csr_matrix(entries, shape=(self.owned, dofmap.index_map.size_global))
