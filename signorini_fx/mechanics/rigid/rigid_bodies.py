@@ -4,19 +4,15 @@ A rigid body with its pivot c moves by translations v and a small rotation w, le
 
     R_i q = v + w x (x_i - c)
 
-at a contact point x_i of any of its contacts.  What contact sees is the displacement of the body relative to it.  The
-unknowns (u, q) of all rigid bodies have
+at a contact point x_i.  What contact sees is the displacement of the body relative to it.  The unknowns (u, q) have
 
     K = [A 0; 0 S],   B_i = F_i^T [I, -R_i],   b = [f; (force, moment / L)],
 
-with the stiffness S of springs at c, zero without them, so that equilibrium of a rigid body, S q - R^T B^T (w t) =
-(force, moment / L), is k rows more, and laws, sets and algorithms
-see tau_N y and tau_T y as before.  Gap and normals are those of the place where it is given: its motion is small
-against its geometry, like the displacement of the body.
+with the stiffness S of springs at c, so that equilibrium of a rigid body, S q - R^T B^T (w t) = (force, moment / L), is
+k rows more, and laws, sets and algorithms see tau_N y and tau_T y as before.  Gap and normals are those of the place
+where it is given: its motion is small against its geometry, like the displacement of the body.
 
-The k unknowns are the last ones, on the last rank: the numbers of all others stay as they are.  ``RigidBodies`` is what
-the solver knows of them; ``RigidBodyMotion`` is how they have moved in a result, and the certificate's opinion on
-their balance.
+The k unknowns are the last ones, on the last rank: the numbers of all others stay as they are.
 """
 
 from __future__ import annotations
@@ -44,11 +40,8 @@ Drive = tuple[_Floats, _Floats]
 
 @dataclass(frozen=True)
 class Driven:
-    """What drives all rigid bodies, by their unknowns.
-
-    Attributes:
-        forces: (force, moment / L), shape (k,).
-        motion: the prescribed unknowns, lengths; elsewhere zero, shape (k,).
+    """What drives all rigid bodies, by their unknowns: (force, moment / L), and those that are prescribed, lengths,
+    else zero, shapes (k,).
     """
 
     forces: _Floats
@@ -59,11 +52,8 @@ class Driven:
         """The sum of several times their factors; None: there are none."""
         if not parts:
             return None
-        factors, drives = zip(*parts, strict=True)
-        forces, motion = (
-            np.einsum("i,ij->j", factors, [getattr(drive, k) for drive in drives]) for k in ("forces", "motion")
-        )
-        return cls(forces, motion)
+        scaled = [(factor * drive.forces, factor * drive.motion) for factor, drive in parts]
+        return cls(*np.sum(scaled, axis=0))
 
 
 @dataclass(frozen=True)
@@ -94,12 +84,10 @@ class RigidBodies:
         modes = np.zeros((boundary.size, dim, count, motion_count))
         for k, body in enumerate(self.bodies):
             touching = np.isin(boundary.part, body.parts)
-            pivot = body.pivot(dim)
-            modes[touching, :, k] = rigid_modes(self.places(boundary)[touching], pivot, np.array(self.length))
-        flat = modes.reshape(boundary.size, dim, count * motion_count)
-        number = np.repeat(np.arange(count), motion_count)
-        foundation = MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies)
-        moving = replace(boundary, moving=foundation)
+            x = self.places(boundary)[touching]
+            modes[touching, :, k] = rigid_modes(x, body.pivot(dim), np.array(self.length))
+        flat, number = modes.reshape(boundary.size, dim, -1), np.repeat(np.arange(count), motion_count)
+        moving = replace(boundary, moving=MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies))
         if moving.friction_axes is not None:
             moving.friction_axes.check_supports(moving.points.movable, "contact.friction", moving.comm)
         return moving
@@ -164,7 +152,7 @@ class RigidBodyMotion:
     """How a rigid body has moved from where it is given, v + w x (x - c), in 2D with w along x[2].
 
     Attributes:
-        body: the rigid body: its name, and the places of its contacts.
+        body: its name, and the places of its contacts.
         reference: its pivot c, length, shape (d,).
         translation: v, length, shape (d,).
         rotation: w, radians; a number in 2D, shape (1,), in 3D shape (3,).
@@ -182,12 +170,7 @@ class RigidBodyMotion:
 
     def gap_error(self, contact: ContactState, shapes: Mapping[int, Any]) -> float:
         """By how much the gap of the rigid body where it ends up differs at most from the linearised one, where it
-        presses, length; collective.
-
-        Args:
-            contact: the state at the contact points.
-            shapes: where the rigid body is given, for the places of its contacts, each with a method ``distance`` as
-                ``Shape`` has it.
+        presses, length; ``shapes``: where it is given, by the places of its contacts; collective.
         """
         if not np.isfinite(self.translation).all():
             return np.nan
@@ -209,30 +192,25 @@ class RigidBodyMotion:
         return np.asarray(x - self.reference)
 
     def as_dict(self, contact: ContactState, contacts: Sequence[Any], kinematics: Kinematics) -> dict[str, Any]:
-        """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; collective.
-
-        Args:
-            contact: the state at the contact points.
-            contacts: those of the scene.
-            kinematics: of the body, by which some forces and moments cancel.
+        """A row of the summary: its motion, the force and moment of the body on it, and ``gap_error``; ``contacts``: of
+        the scene; ``kinematics``: of the body, by which some forces and moments cancel; collective.
         """
         from signorini_fx.machine.display import clean
 
         boundary, dim = contact.boundary, self.reference.size
         touching = np.isin(boundary.part, self.body.parts)
         forces = boundary.nodal_forces(contact.pressure, contact.shear)[touching]
-        moments = kinematics.turned(self.arms(contact, touching), forces)
-        sums = [
-            forces.sum(axis=0),
-            moments.sum(axis=0),
-            *(np.abs(vectors).sum(axis=0) for vectors in (forces, moments)),
-        ]
-        total = parallel.global_sum(boundary.comm, np.concatenate(sums))
-        total[: kinematics.motions][~kinematics.unbalanced] = 0.0
-        size = total[sums[0].size + sums[1].size :]
-        moment = clean(total[dim : sums[0].size + sums[1].size].tolist(), float(size[dim:].max()))
-        moved, turned = (
-            clean(vectors.tolist(), float(np.abs(vectors).max())) for vectors in (self.translation, self.rotation)
+        both = np.column_stack((forces, kinematics.turned(self.arms(contact, touching), forces)))
+        total, size = parallel.global_sum(boundary.comm, np.array([both.sum(axis=0), np.abs(both).sum(axis=0)]))
+        total[~kinematics.unbalanced] = 0.0
+        force, moment, moved, turned = (
+            clean(values.tolist(), float(np.max(sizes)))
+            for values, sizes in (
+                (total[:dim], size[:dim]),
+                (total[dim:], size[dim:]),
+                (self.translation, np.abs(self.translation)),
+                (self.rotation, np.abs(self.rotation)),
+            )
         )
         shapes = {part: contacts[part].surface for part in self.body.parts if contacts[part].surface is not None}
         return {
@@ -240,20 +218,15 @@ class RigidBodyMotion:
             "reference": self.reference.tolist(),
             "displacement": moved,
             "rotation": turned if dim == 3 else turned[0],
-            "force": clean(total[:dim].tolist(), float(size[:dim].max())),
+            "force": force,
             "moment": moment if dim == 3 else moment[0],
             "gap_error": self.gap_error(contact, shapes) if shapes else None,
         }
 
     def unbalanced(self, drive: Drive, resultant: tuple[_Floats, float, float], least: float = 0.0) -> float:
-        """The largest force or moment on a free component that the contact tractions do not balance, and the largest
-        miss of a prescribed one, as a share of the forces at the rigid body, or of its motion.
-
-        Args:
-            drive: what drives it.
-            resultant: what the tractions of all of its contacts do to it about its pivot, see
-                ``ContactNodes.resultant``.
-            least: a force that is round-off.
+        """The largest force or moment on a free component that contact tractions with such a ``resultant``, see
+        ``ContactNodes.resultant``, do not balance, and the largest miss of a prescribed one, as a share of the forces
+        at the rigid body, or of its motion; ``least``: a force that is round-off.
         """
         (load, prescribed), (taken, size, reach) = drive, resultant
         dim, free, motion = self.reference.size, np.isnan(prescribed), np.append(self.translation, self.rotation)
@@ -263,12 +236,10 @@ class RigidBodyMotion:
         acting, motion, prescribed = np.array([load, -springs, taken]) / lever, motion * lever, prescribed * lever
         residual = acting.sum(axis=0)
         size = max(size, float(np.abs(acting[:2]).max()), least)  # springs may balance loads alone
-        missed, far = (
-            np.abs(motion - prescribed)[~free],
-            max(np.abs(motion).max(), np.abs(prescribed[~free]).max(initial=0)),
-        )
+        missed = float(np.abs(motion - prescribed)[~free].max(initial=0.0))
+        far = max(np.abs(motion).max(), np.abs(prescribed[~free]).max(initial=0))
         force_share = float(np.abs(residual[free]).max(initial=0.0)) / size if size > 0 else 0.0
-        return max(force_share, float(missed.max(initial=0.0)) / far if far > 0 else float(missed.max(initial=0.0) > 0))
+        return max(force_share, missed / far if far > 0 else float(missed > 0))
 
 
 def turn_of(turn: _Floats) -> _Floats:

@@ -78,10 +78,7 @@ class RigidMotions:
         return CARTESIAN[self.x.shape[1]].motions
 
     def at(self, boundary: ContactBoundary) -> FreeMotions:
-        """The free motions at the contact points of this rank: B times them; collective.
-
-        What is prescribed at a point does not move but for round-off.
-        """
+        """The free motions at the contact points of this rank: B times them; collective."""
         piece, averages, of = self.piece[boundary.nodes], boundary.averages, self._pieces_at(boundary)
         free_modes = self.free.reshape(self.pieces.count, self.each, -1)
         at_nodes = rigid_modes(averages.x, self.centre[of], self.length[of]) @ free_modes[of]
@@ -141,8 +138,6 @@ class RigidMotions:
     def load_of(self, forces: _Floats, comm: MPI.Comm, driving: _Floats | None = None) -> RigidLoad:
         """The work of forces at the owned dofs, shape (owned dofs,), on the free motions, and of forces that drive
         foundations, by their unknowns; collective.
-
-        Forces on prescribed displacements do none.
         """
         if self.free.shape[1] == 0:
             return RigidLoad(np.zeros(0), np.zeros(0), self.assembly)
@@ -174,12 +169,8 @@ def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDA
 
 
 def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
-    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m).
-
-    Args:
-        x: the points.
-        centre: the point about which each of them rotates, shape (n, d) or (d,).
-        length: the length at which a rotation moves by one, shape (n,) or ().
+    """Translations along and rotations about the axes at points of shape (n, d), shape (n, d, m); ``centre``: about
+    which each of them rotates, shape (n, d) or (d,); ``length``: at which a rotation moves by one, shape (n,) or ().
     """
     dim = x.shape[1]
     turns = CARTESIAN[dim].rotations
@@ -232,12 +223,8 @@ def rigid_motions(
 
 def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]) -> RigidMotions:
     """The motions of these for which a(r, r) = 0: springs, and what else resists rigid motions, count as supports;
-    collective.
-
-    Args:
-        motions: those that the supports leave free.
-        matrix: of a(., .), or of the part of it that may resist.
-        vector: from displacements of the nodes of this rank to new unknowns of the matrix.
+    ``matrix``: of a(., .), or of the part of it that may resist; ``vector``: from displacements of the nodes of this
+    rank to new unknowns of the matrix; collective.
     """
     if motions.free.shape[1] == 0:
         return motions
@@ -270,14 +257,8 @@ def nearest_motion(
     turned: TurnedNodes | None,
     comm: MPI.Comm,
 ) -> _Floats:
-    """The motions of the pieces that are nearest to prescribed displacements, shape (m p,); collective.
-
-    Args:
-        motions: of the body.
-        fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
-        prescribed: the displacement at these nodes, length, shape (owned nodes, d).
-        turned: nodes whose components in ``fixed`` are in a frame of their own.
-        comm: the ranks that share the body.
+    """The motions of the pieces that are nearest to prescribed displacements of the owned nodes, of which components
+    are ``fixed``, at ``turned`` nodes in their frames, shapes (owned nodes, d); shape (m p,); collective.
     """
     supported, moved = _at_supports(motions, fixed, prescribed, turned, comm)
     inverse = np.asarray(np.linalg.pinv(supported, rcond=ROOT_OF_EPS, hermitian=True), dtype=np.float64)
@@ -330,13 +311,8 @@ def _null_space(
 
 
 def names_of(moved: _Floats, motions: RigidMotions, members: npt.NDArray[np.int64], *, one_way: bool = False) -> str:
-    """Names of motions of an assembly, combinations as in ``RigidMotions.of_all``, one per column.
-
-    Args:
-        moved: the motions.
-        motions: those that supports leave free.
-        members: the pieces of the assembly.
-        one_way: whether a single motion is meant in its direction, not in the opposite one as well.
+    """Names of motions of an assembly with these pieces, combinations as in ``RigidMotions.of_all``, one per column;
+    ``one_way``: whether a single motion is meant in its direction, not in the opposite one as well.
     """
     descriptions = []
     moved = moved / np.abs(moved).max()  # the size of a motion means nothing
@@ -365,26 +341,21 @@ def _names_of_piece(motions: _Floats, dim: int, *, one_way: bool) -> str:
     if shifts.shape[1] == dim:
         names.append("translations")
     elif shifts.shape[1] == 1:
-        along = shifts[:, 0] / np.linalg.norm(shifts[:, 0])
-        along = along if one_way and motions.shape[1] == 1 else _upwards(along)
-        names.append(f"the translation along ({_point(along)})")
+        along = _direction(shifts[:, 0], upwards=not one_way or motions.shape[1] > 1)
+        names.append(f"the translation along ({along})")
     elif shifts.shape[1] == 2:
-        names.append(f"the translations across ({_point(_upwards(np.linalg.svd(shifts.T)[2][-1]))})")
+        names.append(f"the translations across ({_direction(np.linalg.svd(shifts.T)[2][-1])})")
     if turning == 1 and dim == 3:
-        axis = rows[0] @ motions[dim:].T
-        names.append(f"rotations about axes along ({_point(_upwards(axis / np.linalg.norm(axis)))})")
+        names.append(f"rotations about axes along ({_direction(rows[0] @ motions[dim:].T)})")
     elif turning:
         names.append("rotations")
     return " and ".join(names)
 
 
-def _upwards(direction: _Floats) -> _Floats:
-    """The direction or its opposite, so that its largest component is positive."""
-    return np.asarray(direction * np.sign(direction[np.argmax(np.abs(direction))]))
-
-
-def _point(x: _Floats) -> str:
-    return ", ".join(rounded(value) for value in x)
+def _direction(vector: _Floats, *, upwards: bool = True) -> str:
+    """The direction of a vector in a message, or its opposite, so that its largest component is positive."""
+    sign = np.sign(vector[np.argmax(np.abs(vector))]) if upwards else 1.0
+    return ", ".join(rounded(value) for value in sign * vector / np.linalg.norm(vector))
 
 
 def rounded(value: float, size: float = 1.0) -> str:

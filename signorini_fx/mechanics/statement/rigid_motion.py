@@ -26,6 +26,9 @@ COMPONENTS: dict[int, tuple[Component, ...]] = {
 }
 
 
+MESH_IS = {2: "the mesh is plane", 3: "the mesh is in 3D"}
+
+
 def _of_time(entry: Any) -> Any:
     if not isinstance(entry, float) and not (isinstance(entry, Expression) and entry.coordinates == 0):
         raise ValueError(
@@ -81,13 +84,13 @@ class RigidMotion(Table):
     @property
     def driven_in_time(self) -> bool:
         """Whether what drives it depends on the time."""
-        driving = (*(self.force or ()), *_tuple(self.moment), *(self.prescribed or {}).values())
+        driving = (*(self.force or ()), *entries_of(self.moment), *(self.prescribed or {}).values())
         return any(isinstance(value, Expression) for value in driving)
 
     def drive(self, dimension: int, time: float) -> tuple[Array, Array]:
         """Forces and moments at a time, and the prescribed components, nan where they are free, shapes (m,)."""
         force = self.force or (0.0,) * dimension
-        moment = _tuple(self.moment) or (0.0,) * (2 * dimension - 3)
+        moment = entries_of(self.moment) or (0.0,) * (2 * dimension - 3)
         motion = map(self.prescribes, COMPONENTS[dimension])
         return (
             np.array([_at(value, time) for value in (*force, *moment)]),
@@ -100,27 +103,22 @@ class RigidMotion(Table):
 
     def motion_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that do not fit the dimension of the mesh, and why."""
-        where = "the mesh is plane" if dimension == 2 else "the mesh is in 3D"
+        where = MESH_IS[dimension]
         if self.moment is not None and isinstance(self.moment, tuple) != (dimension == 3):
             yield "moment", f"{where}: give " + ("a number" if dimension == 2 else "three numbers")
-        given = [f"prescribed.{key}" for key in self.prescribed or ()]
-        given += [f"spring.{key}" for key, value in (self.spring or {}).items() if value]
-        for path in given:
-            key = path.partition(".")[2]
-            if key not in COMPONENTS[dimension]:
-                yield path, f"{where}: the components are {', '.join(COMPONENTS[dimension])}"
-            elif path.startswith("spring") and f"prescribed.{key}" in given:
-                yield path, "has no effect on a component that is prescribed"
+        springs = {key: value for key, value in (self.spring or {}).items() if value}
+        for table, keys in (("prescribed", self.prescribed or {}), ("spring", springs)):
+            for key in keys:
+                if key not in COMPONENTS[dimension]:
+                    yield f"{table}.{key}", f"{where}: the components are {', '.join(COMPONENTS[dimension])}"
+                elif keys is springs and self.prescribes(key) is not None:
+                    yield f"{table}.{key}", "has no effect on a component that is prescribed"
 
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A rigid body whose motion is an unknown, with any number of contacts.
-
-    Attributes:
-        name: in results.
-        motion: what drives it, and where its pivot is.
-        parts: the places of its contacts among all of the problem.
+    """A rigid body whose motion is an unknown: its name in results, what drives it, and where its pivot is, and the
+    places of its contacts among all of the problem.
     """
 
     name: str
@@ -138,12 +136,7 @@ class RigidBody:
 
 
 def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody, ...]:
-    """Those that the shapes of contacts belong to, by their names, or else those of contacts.
-
-    Args:
-        shapes: of each contact; None: its foundation is none, or stands still.
-        names: of the contacts.
-    """
+    """Those that the shapes of contacts, None where none moves, belong to, by their names, else those of contacts."""
     groups: dict[Any, list[int]] = {}
     for part, shape in enumerate(shapes):
         if shape is not None:
@@ -160,11 +153,10 @@ def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody
 
 def driven_twice(shapes: Sequence[Any], number: int) -> str:
     """Why a contact does not fit the others of its rigid body, see ``rigid_bodies``; "": it does."""
-    name = _name_of(shapes[number])
-    drivers = [
-        part for part, shape in enumerate(shapes) if name is not None and _name_of(shape) == name and shape.drives
-    ]
-    if name is None or len(drivers) == 1:
+    if (name := _name_of(shapes[number])) is None:
+        return ""
+    drivers = [shape for shape in shapes if _name_of(shape) == name and shape.drives]
+    if len(drivers) == 1:
         return ""
     free = "" if drivers else "; prescribed = {} leaves it free"
     return f"give force, moment, prescribed or spring in one contact of {name!r}, not in {len(drivers)}{free}"
@@ -174,7 +166,8 @@ def _name_of(shape: Any) -> str | None:
     return getattr(shape, "rigid", None)
 
 
-def _tuple(value: Any) -> tuple[Any, ...]:
+def entries_of(value: Any) -> tuple[Any, ...]:
+    """The components of a vector, or a number as its only one; None: none."""
     return () if value is None else value if isinstance(value, tuple) else (value,)
 
 

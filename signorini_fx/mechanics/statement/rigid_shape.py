@@ -29,7 +29,14 @@ from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
 from signorini_fx.mechanics.statement.base import problems_of, refused
 from signorini_fx.mechanics.statement.expressions import Expression, number, sample
-from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS, RigidMotion, TimedAngle, TimedVector
+from signorini_fx.mechanics.statement.rigid_motion import (
+    COMPONENTS,
+    MESH_IS,
+    RigidMotion,
+    TimedAngle,
+    TimedVector,
+    entries_of,
+)
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
 from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
 
@@ -84,9 +91,7 @@ class Shape(RigidMotion):
 
     @property
     def inradius(self) -> float:
-        """Radius of the largest ball in it, or a bound below it, length; infinite where there is none, as in a hollow
-        one, or it is not known.
-        """
+        """Radius of the largest ball in it, or a bound below it; infinite: there is none, or it is not known."""
         return math.inf
 
     @property
@@ -105,7 +110,7 @@ class Shape(RigidMotion):
 
     def contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that do not fit the dimension of the mesh, and why."""
-        where = "the mesh is plane" if dimension == 2 else "the mesh is in 3D"
+        where = MESH_IS[dimension]
         if dimension not in self.exists_in:
             yield "shape", f"{where}: there is no {self.shape}"
             return
@@ -120,14 +125,14 @@ class Shape(RigidMotion):
 
     def turning_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Keys that are missing where it may turn, and why."""
-        turning = COMPONENTS[dimension][dimension:]
-        if self.drives and self.pivot is None and any(self.prescribes(key) != 0.0 for key in turning):
+        turns = any(self.prescribes(key) != 0.0 for key in COMPONENTS[dimension][dimension:])
+        if self.drives and self.pivot is None and turns:
             yield "pivot", "give the point where the force acts, about which the foundation turns"
 
     @property
     def timed(self) -> bool:
         """Whether it moves with the time."""
-        return any(isinstance(entry, Expression) for entry in self._placement)
+        return any(isinstance(entry, Expression) for entry in (*(self.shift or ()), *entries_of(self.rotation)))
 
     def at_time(self, time: float) -> Self:
         """The same where it is at a time."""
@@ -139,24 +144,13 @@ class Shape(RigidMotion):
 
         return self.model_copy(update={"shift": at(self.shift), "rotation": at(self.rotation)}) if self.timed else self
 
-    @property
-    def _placement(self) -> tuple[Any, ...]:
-        """Components of shift and rotation."""
-        rotation = self.rotation if isinstance(self.rotation, tuple) else (self.rotation,)
-        return (*(self.shift or ()), *rotation)
-
     def reference(self, dimension: int) -> Array:
         """Where its pivot is, length, shape (d,)."""
         return np.asarray(sum(self._translations(dimension)))
 
     def distance(self, x: Array) -> tuple[Array, Array]:
-        """The signed distance, length, and the outward normal of the foundation at the closest point.
-
-        Args:
-            x: points, length, shape (n, d).
-
-        Returns:
-            Shapes (n,) and (n, d).
+        """The signed distance of points of shape (n, d), length, shape (n,), and the outward normal of the foundation
+        at the closest point, shape (n, d).
         """
         signed, normal = self.initial(self._moved_back(x))
         normal = normal @ self.turn_matrix(x.shape[1]).T
@@ -177,13 +171,7 @@ class Shape(RigidMotion):
         return np.asarray(self.turn_matrix(dimension) @ earlier.turn_matrix(dimension).T)
 
     def on_way_from(self, earlier: Shape, share: float, dimension: int) -> Shape:
-        """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot, and of its turn.
-
-        Args:
-            earlier: the same shape elsewhere.
-            share: from 0 to 1.
-            dimension: of space.
-        """
+        """The shape after a share of the way from where ``earlier`` is: of the shift of its pivot, and of its turn."""
         moved, pivot = self._translations(dimension)
         begun = (earlier.moved_points(pivot[None]) - pivot)[0]
         before, now = (np.zeros(3 if dimension == 3 else 1) + np.array(shape.angles()) for shape in (earlier, self))
@@ -217,11 +205,8 @@ class Shape(RigidMotion):
 
 
 def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
-    """The matrix of a rotation, shape (d, d).
-
-    Args:
-        rotation: degrees, counterclockwise; in 3D about the axis [a, b, c] by the length of this vector.
-        dimension: d.
+    """The matrix of a rotation in degrees, counterclockwise, shape (d, d); in 3D about the axis [a, b, c] by the length
+    of this vector.
     """
     if isinstance(rotation, tuple):
         from scipy.spatial.transform import Rotation
@@ -238,12 +223,8 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
 
 @dataclass(frozen=True)
 class Distance:
-    """The gap to a shape, plus what is added to it: values of points of shape (3, n), as foundations take them.
-
-    Attributes:
-        shape: the foundation, with a method ``distance`` as ``Shape`` has it.
-        added: a number, an expression or a callable of the position, length.
-        dimension: of space.
+    """The gap to a shape, an object with a method ``distance``, plus what is ``added`` to it, a number, an expression
+    or a callable of the position, length: values of points of shape (3, n), as foundations take them.
     """
 
     shape: Any
@@ -258,18 +239,13 @@ class Distance:
         """The unit vector to the foundation, shape (d, n)."""
         return -self._of(x)[1].T
 
-    def _of(self, x: Array) -> tuple[Array, Array]:
-        signed, normal = self.shape.distance(np.ascontiguousarray(x[: self.dimension].T))
-        return signed, normal
+    def _of(self, x: Array) -> Any:
+        return self.shape.distance(np.ascontiguousarray(x[: self.dimension].T))
 
 
 def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distance:
-    """The distance from a shape, from the table of one, or from any object with a method ``distance``.
-
-    Args:
-        source: any of these.
-        dimension: of space.
-        turns: whether one that forces move may turn: not on the axis of a body of revolution.
+    """The distance from a shape, from the table of one, or from any object with a method ``distance``; ``turns``:
+    whether one that forces move may turn: not on the axis of a body of revolution.
 
     Raises:
         SceneError: it is none of these, or does not fit the dimension of space.
@@ -288,15 +264,11 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
 
 
 def fault_of(shape: Any, x: Array, size: float) -> str:
-    """What the distance of a shape of a user's own is not, at points of the boundary; "": nothing was found.
+    """What the distance of a shape of a user's own is not, at points of the boundary of a body of this size, lengths,
+    shape (n, d); "": nothing was found.
 
     From a point back along its normal the way to the closest point is shorter by as much, wherever it is.  Behind the
     closest point the distance is negative: otherwise points would pass through the shape.
-
-    Args:
-        shape: with a method ``distance``, see ``Shape``; those of this package are not tried.
-        x: points, length, shape (n, d).
-        size: of the body, length.
     """
     if is_of_package(type(shape)):
         return ""
@@ -307,10 +279,10 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
         if signed.shape != x.shape[:1] or normal.shape != x.shape:
             wanted = f"{x.shape[:1]} and {x.shape} for points of the shape {x.shape}"
             return f"distance of {name} has the shapes {signed.shape} and {normal.shape}, not {wanted}"
-        behind = np.asarray(shape.distance(x - step * normal)[0], dtype=np.float64)
         surface = x - signed[:, None] * normal
-        at_surface, within = (
-            np.asarray(shape.distance(points)[0], dtype=np.float64) for points in (surface, surface - step * normal)
+        behind, at_surface, within = (
+            np.asarray(shape.distance(points)[0], dtype=np.float64)
+            for points in (x - step * normal, surface, surface - step * normal)
         )
     except Exception as error:
         return f"distance of {name} fails: {type(error).__name__}: {error}"
