@@ -204,9 +204,10 @@ class Resultants:
 
     def _of_contact(self, *parts: int) -> Array:
         """The forces of the contact tractions, or those of some contacts, shape (owned nodes, d); collective."""
-        total, surface = np.zeros_like(self._x), self.acting.balance.surface
+        total = np.zeros_like(self._x)
         if self.contact is not None and self.conditions is not None:
-            nodes, forces, _ = ContactNodes.of(surface, self.conditions, Tractions.of(self.contact)).forces(*parts)
+            claimed = ContactNodes.of(self.conditions, Tractions.of(self.contact))
+            nodes, forces, _ = claimed.forces(len(total), *parts)
             np.add.at(total, nodes, forces)
         return total
 

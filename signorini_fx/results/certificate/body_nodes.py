@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions, shared_in
@@ -26,22 +25,19 @@ Array = npt.NDArray[np.float64]
 class RigidPart:
     """The pieces of a mesh and their nearest rigid motions; pieces that can touch move independently of each other.
 
-    A bond between two pieces is contact, too: each is in equilibrium with its traction.
-
     Args:
         space: of the displacement; collective.
         x: positions of the owned nodes, length, shape (owned nodes, d).
 
     Attributes:
         count: number of pieces.
-        of_cell: number of the piece that each cell of this rank is in.
         piece: number of the piece that each owned node is in.
         size: diameters, length, shape (pieces,).
     """
 
     def __init__(self, space: fem.FunctionSpace, x: Array) -> None:
         pieces, self._comm, dim = find_pieces(space.mesh), space.mesh.comm, x.shape[1]
-        self.count, self.of_cell, nodes = pieces.count, pieces.of_cell, space.dofmap.index_map
+        self.count, nodes = pieces.count, space.dofmap.index_map
         of_node = np.zeros(nodes.size_local + nodes.num_ghosts, dtype=np.int64)
         of_node[space.dofmap.list] = pieces.of_cell[:, None]
         self.piece = of_node[: len(x)]
@@ -52,8 +48,8 @@ class RigidPart:
         self._inverse = np.linalg.pinv(gram.reshape(-1, turns, turns), hermitian=True)
 
     def largest_beside(self, y: Array) -> Array:
-        """The largest displacement of a node of each piece after the nearest rigid motion of the piece is subtracted,
-        shape (pieces,); ``y``: of the owned nodes, length, shape (owned nodes, d); collective.
+        """The largest displacement of a node of each piece beside its nearest rigid motion, shape (pieces,); ``y``: of
+        the owned nodes, length, shape (owned nodes, d); collective.
         """
         motion = self._without_mean(y)
         moment = self._sums(np.einsum("nik,ni->nk", self._turned, motion))
@@ -77,9 +73,7 @@ class RigidPart:
         return np.asarray(np.sqrt(parallel.sums_by(self._comm, pieces, squares, self.count)[:, 0]))
 
     def works(self, *products: Array) -> Array:
-        """The sums of products of forces and displacements at the owned nodes, shape (pieces, number of products);
-        collective.
-        """
+        """The sums of products of forces and displacements at the owned nodes, shape (pieces, number of products)."""
         return self._sums(np.column_stack([np.sum(product, axis=1) for product in products]))
 
     def _without_mean(self, values: Array) -> Array:
@@ -101,20 +95,14 @@ class BodyNodes:
         self._of_mesh: dict[Any, Any] = {}
 
     @property
-    def comm(self) -> MPI.Comm:
-        """The ranks."""
-        comm: MPI.Comm = self.space.mesh.comm
-        return comm
-
-    @shared_in("_of_mesh")
-    def at_nodes(self) -> Array:
-        """Positions of the nodes of this rank, length, shape (nodes, 3)."""
-        return node_positions(self.space)
+    def x(self) -> Array:
+        """Positions of the owned nodes, length, shape (owned nodes, d)."""
+        return node_positions(self.space)[: self.owned, : self.dimension]
 
     @shared_in("_of_mesh")
     def pieces(self) -> RigidPart:
         """The pieces of the mesh; collective."""
-        return RigidPart(self.space, self.at_nodes[: self.owned, : self.dimension])
+        return RigidPart(self.space, self.x)
 
 
 @dataclass(frozen=True)
@@ -143,10 +131,8 @@ class PrescribedNodes:
         return free if self._frames is None else np.einsum("nij,nj->ni", self._frames, free)
 
     def taken(self, forces: Array, position: int) -> Array:
-        """The part of nodal forces that one entry of ``scene.displacement`` takes, shape (owned nodes, d).
-
-        A support takes forces along what it prescribes: those that do the work of all on a displacement that it alone
-        prescribes.
+        """The part of nodal forces that one entry of ``scene.displacement`` takes, shape (owned nodes, d): forces that
+        do the work of all on a displacement that it alone prescribes.
         """
         taken = np.where(self.by == position, forces, 0.0)
         if self.turned is None:

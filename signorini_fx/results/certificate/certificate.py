@@ -64,7 +64,7 @@ class Certificate:
         strain_energy: of the stress, an energy per thickness: a(y, y) / 2 of the strains without initial ones; None
             where forces are not linear in y.
         unjudged: pieces of the mesh with loads that are round-off of the largest forces, of which nothing is known.
-        lost: the residual of equilibrium that round-off of the forces may hide, see ``ForcesLeft``.
+        lost: the residual of equilibrium that round-off of the forces may hide, see ``equilibrium``.
         placed: round-off of places X + u, at which contact is met, relative to the largest displacement.
     """
 
@@ -146,8 +146,8 @@ def judged(
     Args:
         displacement: y.
         balance: the forces on the body without contact.
-        contact: the contact points and what holds there; None: there is no contact.
-        tractions: pressure and shear at the contact points; None without contact.
+        contact: the contact points and what holds there; None, as the tractions: there is no contact.
+        tractions: pressure and shear at the contact points.
         law: the contact law that the method promises.
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
             one does not, its elastic slip is removed.
@@ -157,10 +157,8 @@ def judged(
         ValueError: the tractions are not those of the contact points.
     """
     forces, supports = balance.surface, balance.supports
-    comm, dim = forces.space.mesh.comm, forces.dimension
-    nodal_displacements = displacement.x.array.reshape(-1, dim)
-    y, x = nodal_displacements[: forces.owned], forces.at_nodes[: forces.owned, :dim]
-    pieces = forces.pieces
+    comm, dim, pieces = forces.space.mesh.comm, forces.dimension, forces.pieces
+    y = displacement.x.array.reshape(-1, dim)[: forces.owned]
     works = balance.works(y)
     half, strain_energy = float(works[:, 0].sum()) / 2, balance.strain_energy(works)
     strained = max(half, strain_energy if balance.dilation is not None else 0.0)  # or its pressure takes of it
@@ -182,7 +180,7 @@ def judged(
         units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
         unbalanced, unjudged, lost = equilibrium(balance, pieces, y, None, units, float(far.max()))
         return Certificate(equilibrium=max(unbalanced, volume), unjudged=unjudged, lost=lost, **figures)
-    nodes = ContactNodes.of(forces, contact, tractions)
+    nodes = ContactNodes.of(contact, tractions)
     at = nodes.pieces(pieces.piece)
     figures["coupling"] = max((pair.error() for pair in contact.pairs.values()), default=0.0)
 
@@ -190,27 +188,26 @@ def judged(
         """Of the points of each piece, from either side."""
         return np.max([pieces.largest(values, side) for side in at], axis=0)
 
-    drawn, moved = np.zeros(len(nodes.nodes)), [motion for motion, _ in rigid]
+    drawn, moved = np.zeros(contact.boundary.size), [motion for motion, _ in rigid]
     for motion in moved:
         touching = contact.part(*motion.body.parts)
-        drawn[touching] = np.linalg.norm(motion.at(x[nodes.nodes[touching]]), axis=1)
+        drawn[touching] = np.linalg.norm(motion.at(contact.boundary.x[touching]), axis=1)
     length = np.maximum(length, NO_FORCE * largest(drawn))
     reach = max(float(far.max()), float(largest(drawn).max()))
     alone = balance.unloaded(pieces)
-    # Where the contact transmits nothing its reactions are round-off of the stress in the body.
-    stress = np.maximum(largest(nodes.felt), NEGLIGIBLE * mean)
-    fineness = largest(np.asarray(1.0 / balance.scales.side(nodes.weight)))
-    stress = np.maximum(stress, NO_FORCE * stiffest.modulus * np.where(alone, reach, far) * fineness)
+    # Where the contact transmits nothing its reactions are round-off of the stress in the body, and of displacements.
+    fineness = largest(np.asarray(1.0 / balance.scales.side(contact.boundary.weight)))
+    unknown = stiffest.modulus * np.where(alone, reach, far) * fineness
     # What supports take of a traction leaves its round-off in the directions that are free, and in the penetration.
-    stress = np.maximum(stress, NO_FORCE * largest(np.linalg.norm(nodes.traction, axis=1)))
+    unknown = np.maximum(unknown, largest(np.linalg.norm(nodes.traction, axis=1)))
+    stress = np.max([largest(nodes.felt), NEGLIGIBLE * mean, NO_FORCE * unknown], axis=0)
     length = np.maximum(length, NO_FORCE * largest(np.abs(nodes.pressure)) / law.gamma_n)
-    (u_n, slip), origin = nodes.traces(nodal_displacements, moved), np.zeros_like(nodes.shear)
+    (u_n, slip), origin = nodes.traces(y, moved), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
-        last = ContactNodes.of(forces, contact, before.tractions)
-        so_far = before.displacement.x.array.reshape(-1, dim)
+        last = ContactNodes.of(contact, before.tractions)
+        so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
         stress = np.maximum(stress, NO_FORCE * largest(last.felt))
-        common = largest(last.terms(so_far[: forces.owned]))
-        length = np.maximum(length, NO_FORCE * np.maximum(common, pieces.largest_beside(so_far[: forces.owned])))
+        length = np.maximum(length, NO_FORCE * np.maximum(largest(last.terms(so_far)), pieces.largest_beside(so_far)))
         slip, origin = slip - last.traces(so_far, before.rigid)[1], last.shear
         if before.elastic_slip is not None and not np.isfinite(law.gamma_t):
             slip = slip + nodes.rounded(before.elastic_slip, power=-2)
@@ -227,7 +224,7 @@ def judged(
     strains = mean > LOST_UNITS * NO_FORCE * stiffest.modulus * reach / stiffest.size
     penalty = np.where(strains, np.minimum(penalty, mean / NEGLIGIBLE), np.maximum(penalty, terms * law.penalty))
     # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of a body at rest, too.
-    farthest = max(parallel.largest(comm, np.linalg.norm(x, axis=1), 0.0), float(np.max(scales.size)))
+    farthest = max(parallel.largest(comm, np.linalg.norm(forces.x, axis=1), 0.0), float(np.max(scales.size)))
     placed = np.full_like(terms, NO_FORCE * farthest) if balance.displaced or reach == 0 else np.zeros_like(terms)
     length, stress = np.maximum(length, np.maximum(terms, placed)), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
@@ -242,8 +239,8 @@ def judged(
         # Round-off of the stress in the pieces that it touches, of the penalty, and of the joint system.
         faint = np.maximum(NEGLIGIBLE * mean, penalty)[at[0][touching]]
         faint_stress = max(parallel.largest(comm, faint), NO_FORCE * float(mean.max()))
-        area = float(parallel.global_sum(comm, np.array(nodes.weight[touching].sum())))
-        resultant = nodes.resultant(motion, nodal_displacements)
+        area = float(parallel.global_sum(comm, np.array(contact.boundary.weight[touching].sum())))
+        resultant = nodes.resultant(motion, y)
         unbalanced = max(unbalanced, motion.unbalanced(drive, resultant, faint_stress * area))
     if balance.displaced and reach > 0:
         figures["placed"] = float(np.finfo(float).eps * farthest / reach)
@@ -260,19 +257,18 @@ def contact_conditions(
 ) -> dict[str, float]:
     """How far contact points are from the law, the figures of ``Certificate`` by name; ``slip``: what tau_T y adds to
     the previous step, and ``origin``: shear at its end, both ``ContactNodes.rounded``, shape (n, d); collective.
-
-    At points that cannot move along their normal supports take what contact would, and it has no pressure.
     """
-    contact, pressure, shear = nodes.contact, nodes.pressure, nodes.rounded(nodes.shear, -1)
-    bilateral, immovable = contact.bilateral, contact.boundary.points.immovable
-    comm, length, far, stress = nodes.body.comm, units.length, units.far, units.stress
+    pressure, shear = nodes.pressure, nodes.rounded(nodes.shear, -1)
+    bilateral, immovable = nodes.bilateral, nodes.boundary.points.immovable
+    comm, length, far, stress = nodes.boundary.comm, units.length, units.far, units.stress
     unity = np.ones_like(stress)
-    overlap, sheared = u_n - contact.gap, np.linalg.norm(shear, axis=1)
+    overlap, sheared = u_n - nodes.gap, np.linalg.norm(shear, axis=1)
     entered = overlap - pressure / law.gamma_n
     for number, soft in law.overclosures.items():
-        on = contact.part(number)
+        on = nodes.part(number)
         entered[on] = np.maximum(overlap[on], 0.0) - pressure[on] / soft.stiffness
     xi = slip - (shear - origin) / law.gamma_t
+    # At points that cannot move along their normal supports take what contact would, and it has no pressure.
     overlap, entered = np.where(immovable, np.minimum(overlap, 0.0), overlap), np.where(immovable, 0.0, entered)
     distance = np.where(immovable, np.inf, np.where(bilateral, 0.0, np.maximum(-entered, 0.0)))
     pushing = np.where(immovable, np.abs(pressure), pressure)
@@ -328,19 +324,17 @@ def another_law(
         )
         return Finding("warning", "solver.regularisation_error", message)
     given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
-    others = [
-        step
-        for step, law in laws.items()
-        if (law.regularised if exact else any(getattr(law, name) != given[name] for name in given))
-    ]
+    if exact:
+        key, asked, others = "algorithm", "'alm'", [step for step, law in laws.items() if law.regularised]
+        remedy = (
+            "raise solver.gamma_n and solver.gamma_t to lessen what it leaves, or change the loads in smaller steps"
+        )
+    else:
+        key, asked = "gamma_n", ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
+        others = [step for step, law in laws.items() if any(getattr(law, name) != given[name] for name in given)]
+        remedy = "lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
     if not others:
         return None
     where = f" in load step{'s' * (len(others) > 1)} {', '.join(map(str, others))}" if len(laws) > 1 else ""
-    asked = "'alm'" if exact else ", ".join(f"{name} = {value:.3g}" for name, value in given.items())
-    remedy = (
-        "raise solver.gamma_n and solver.gamma_t to lessen what it leaves, or change the loads in smaller steps"
-        if exact
-        else "lower gamma, or set solver.fallbacks = false to have this gamma or nothing"
-    )
     message = f"{asked} was asked for, and a fall-back has solved {laws[others[-1]]} in its place{where}; {remedy}"
-    return Finding("warning", "solver.algorithm" if exact else "solver.gamma_n", message)
+    return Finding("warning", f"solver.{key}", message)

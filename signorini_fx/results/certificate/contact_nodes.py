@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,6 @@ from signorini_fx.mechanics.assembly.averages import from_owners, to_owners
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
-from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.law_of_method import Tractions
 from signorini_fx.tuned import NEGLIGIBLE
 
@@ -61,23 +60,20 @@ class ContactConditions:
 
 
 @dataclass(frozen=True)
-class ContactNodes:
-    """The contact points of this rank with the tractions at them; methods are collective.
+class ContactNodes(ContactConditions):
+    """The contact points of this rank with the tractions at them; displacements are those of owned nodes, shape (owned
+    nodes, d); methods are collective.
 
     Attributes:
-        body: its nodes.
-        contact: the n points.
         pressure: stress, shape (n,).
         shear: as vectors of space, stress, shape (n, d).
     """
 
-    body: BodyNodes
-    contact: ContactConditions
     pressure: Nodal
     shear: Nodal
 
     @classmethod
-    def of(cls, body: BodyNodes, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
+    def of(cls, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
         """The contact points of a problem; collective.
 
         Raises:
@@ -85,39 +81,29 @@ class ContactNodes:
         """
         boundary = contact.boundary
         fit = np.array_equal(tractions.nodes, boundary.nodes) and np.array_equal(tractions.part, boundary.part)
-        if parallel.any_rank(body.comm, not fit):
+        if parallel.any_rank(boundary.comm, not fit):
             raise ValueError("the tractions are not those of the contact nodes of the scene")
-        return cls(body, contact, tractions.pressure, tractions.shear)
-
-    @property
-    def nodes(self) -> npt.NDArray[np.int32]:
-        """Local number of the node at each point, shape (n,)."""
-        return self.contact.boundary.nodes
-
-    @property
-    def weight(self) -> Nodal:
-        """Area (in 2D: length) that each point stands for, shape (n,)."""
-        return self.contact.boundary.weight
+        known = {field.name: getattr(contact, field.name) for field in fields(ContactConditions)}
+        return cls(**known, pressure=tractions.pressure, shear=tractions.shear)
 
     @property
     def normal(self) -> Nodal:
         """Unit normals, shape (n, d)."""
-        return self.contact.boundary.normal
+        return self.boundary.normal
 
     @cached_property
     def bound(self) -> Nodal:
         """The largest shear that friction allows for, stress, shape (n,)."""
-        law = self.contact.law
-        return np.zeros_like(self.pressure) if law is None else law.bound(self.pressure)
+        return np.zeros_like(self.pressure) if self.law is None else self.law.bound(self.pressure)
 
     def rounded(self, vectors: Nodal, power: int) -> Nodal:
         """Tangential vectors with their part across the direction of friction times r^power: with -1 admissible shears
         fill a disc, and with 1 slips that are normal to the ellipse are normal to that.
         """
-        axes = self.contact.boundary.friction_axes
+        axes = self.boundary.friction_axes
         if axes is None:
             return vectors
-        across = self.contact.boundary.tangents[:, :, 1] / axes.ratio[:, None]
+        across = self.boundary.tangents[:, :, 1] / axes.ratio[:, None]
         part = np.sum(vectors * across, axis=1) * (axes.ratio**power - 1)
         return np.asarray(vectors + part[:, None] * across)
 
@@ -130,86 +116,84 @@ class ContactNodes:
         """Pressure and shear as one vector, stress, shape (n, d)."""
         return np.asarray(self.pressure[:, None] * self.normal + self.shear)
 
-    def traces(self, displacements: Nodal, rigid: Sequence[RigidBodyMotion] = ()) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y), shapes (n,) and (n, d), of displacements with ghosts, relative to rigid bodies."""
-        averages = self.contact.boundary.averages
-        values = from_owners(displacements[: self.body.owned], averages.nodes, self.body.comm)
+    def traces(self, y: Nodal, rigid: Sequence[RigidBodyMotion] = ()) -> tuple[Nodal, Nodal]:
+        """(tau_N y, tau_T y), shapes (n,) and (n, d), relative to rigid bodies that have moved."""
+        averages = self.boundary.averages
+        values = from_owners(y, averages.nodes, self.boundary.comm)
         relative = (averages.operator @ values.ravel()).reshape(self.normal.shape)
-        for pair, part in self.contact.of_pairs:
-            known = pair.relative(displacements[: self.body.owned], self.normal[part])
+        for pair, part in self.of_pairs:
+            known = pair.relative(y, self.normal[part])
             relative[part] = relative[part] if known is None else known
         for motion in rigid:
-            points = self.contact.part(*motion.body.parts)
-            relative[points] -= self._at(motion.at(self._x))[points]
+            points = self.part(*motion.body.parts)
+            relative[points] -= motion.at(self._x[points])
         return np.sum(relative * self.normal, axis=1), self.along(relative)
 
     @property
     def _x(self) -> Nodal:
-        """Positions of the nodes with ghosts, length, shape (nodes, d)."""
-        return np.asarray(self.body.at_nodes[:, : self.normal.shape[1]])
-
-    def _at(self, values: Nodal) -> Nodal:
-        """Values of nodes with ghosts, shape (nodes, d), at the points of one body, shape (n, d)."""
-        own, averages = values[self.nodes], self.contact.boundary.averages
-        averaged = averages.shares @ from_owners(values[: self.body.owned], averages.nodes, self.body.comm)
-        return np.where(self.contact.paired[:, None], own, averaged)
+        """Positions of the points on one body, length, shape (n, d)."""
+        averages = self.boundary.averages
+        return np.where(self.paired[:, None], self.boundary.x, averages.shares @ averages.x)
 
     def pieces(self, of_node: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """The piece of the body at each point, and that on the other side, -1 where the foundation is rigid, shape
         (n,); ``of_node``: the piece that each owned node is in.
         """
-        opposite = np.full(self.nodes.size, -1, dtype=np.int64)
-        for pair, part in self.contact.of_pairs:
+        opposite = np.full(self.boundary.size, -1, dtype=np.int64)
+        for pair, part in self.of_pairs:
             opposite[part] = pair.on_other_side(of_node)
-        return of_node[self.nodes], opposite
+        return of_node[self.boundary.nodes], opposite
 
-    def resultant(self, motion: RigidBodyMotion, displacements: Nodal) -> tuple[Nodal, float, float]:
+    def resultant(self, motion: RigidBodyMotion, y: Nodal) -> tuple[Nodal, float, float]:
         """What its contact tractions do to a rigid body: force and moment about its pivot, shape (m,), the sum of the
-        magnitudes of forces, and how far from the pivot they act; ``displacements``: of nodes with ghosts.
+        magnitudes of forces, and how far from the pivot they act.
         """
-        part, comm = self.contact.part(*motion.body.parts), self.body.comm
-        force = self.weight[part, None] * self.traction[part]
-        arm = motion.lever(self._at(self._x)[part], self._at(displacements)[part])
+        part, averages, comm = self.part(*motion.body.parts), self.boundary.averages, self.boundary.comm
+        force = self.boundary.weight[part, None] * self.traction[part]
+        averaged = averages.shares @ from_owners(y, averages.nodes, comm)
+        moved = np.where(self.paired[:, None], y[self.boundary.nodes], averaged)
+        arm = motion.lever(self._x[part], moved[part])
         moment, size = CARTESIAN[arm.shape[1]].turned(arm, force), np.linalg.norm(force, axis=1).sum()
         total = parallel.global_sum(comm, np.concatenate((force.sum(axis=0), moment.sum(axis=0), [size])))
         reach = parallel.largest(comm, np.linalg.norm(arm, axis=1))
         return total[:-1], float(total[-1]), reach
 
-    def terms(self, owned: Nodal) -> Nodal:
+    def terms(self, y: Nodal) -> Nodal:
         """The sums of the magnitudes of what relative displacements of two bodies are added up of, 0 on a rigid
-        foundation, shape (n,), from displacements of the owned nodes.
+        foundation, shape (n,).
         """
-        averages = self.contact.boundary.averages
-        if not self.contact.pairs:
-            return np.zeros(self.nodes.size)
-        sums = abs(averages.operator) @ from_owners(np.abs(owned), averages.nodes, self.body.comm).ravel()
-        return np.where(self.contact.paired, np.linalg.norm(sums.reshape(self.normal.shape), axis=1), 0.0)
+        averages = self.boundary.averages
+        if not self.pairs:
+            return np.zeros(self.boundary.size)
+        sums = abs(averages.operator) @ from_owners(np.abs(y), averages.nodes, self.boundary.comm).ravel()
+        return np.where(self.paired, np.linalg.norm(sums.reshape(self.normal.shape), axis=1), 0.0)
 
-    def forces(self, *parts: int) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
-        """What the tractions do, or those of some contacts: the local nodes that they act on, shape (m,), the forces on
-        them, shape (m, d), and their areas, shape (m,).
+    def forces(self, owned: int, *parts: int) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
+        """What the tractions do to so many owned nodes, or those of some contacts: the local nodes that they act on,
+        shape (m,), the forces on them, shape (m, d), and their areas, shape (m,).
         """
-        force, averages = self.weight[:, None] * self.traction, self.contact.boundary.averages
+        boundary, averages = self.boundary, self.boundary.averages
+        force = boundary.weight[:, None] * self.traction
         if parts:
-            force[~np.isin(self.contact.boundary.part, parts)] = 0.0
-        dim, entries, owned = force.shape[1], averages.operator.tocoo(), self.body.owned
+            force[~np.isin(boundary.part, parts)] = 0.0
+        dim, entries = force.shape[1], averages.operator.tocoo()
         places = entries.row // dim, entries.col // dim
         moving = sp.csr_array(sp.coo_array((entries.data != 0, places), shape=averages.shares.shape))
         # A node that moves a point by turning facets alone has a small area.
         moves = NEGLIGIBLE * moving.astype(bool).astype(np.float64)
-        areas = abs(averages.shares).maximum(moves).T @ self.weight
+        areas = abs(averages.shares).maximum(moves).T @ boundary.weight
         values = np.column_stack(((averages.operator.T @ force.ravel()).reshape(-1, dim), areas))
-        rows = to_owners(values, averages.nodes, self.body.comm, owned)
+        rows = to_owners(values, averages.nodes, boundary.comm, owned)
         reached = np.flatnonzero(rows[:, -1] > 0)
         area = rows[reached, -1]
-        for pair in self.contact.pairs.values():
+        for pair in self.pairs.values():
             area = np.maximum(area, pair.least_area()[reached])
         return reached, rows[reached, :-1], area
 
     @property
     def felt(self) -> Nodal:
         """The larger of pressure and shear without what supports take of them, or what one undoes of the other."""
-        free, axes = self.contact.boundary.free, self.contact.boundary.axes
+        free, axes = self.boundary.free, self.boundary.axes
         tractions = self.pressure[:, None] * self.normal, self.shear, self.traction
         pressure, shear, both = (
             np.linalg.norm(np.where(free, np.einsum("nij,ni->nj", axes, part), 0.0), axis=1) for part in tractions
@@ -220,6 +204,6 @@ class ContactNodes:
     def shear_across(self) -> Nodal:
         """The shear across planes of symmetry, of which there is none, stress, shape (n, d)."""
         across = np.zeros_like(self.shear)
-        for pair, part in self.contact.of_pairs:
+        for pair, part in self.of_pairs:
             across[part] = np.einsum("nij,nj->ni", pair.across, self.shear[part])
         return across

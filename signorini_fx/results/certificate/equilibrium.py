@@ -24,7 +24,7 @@ class Balance:
     """The forces on a body without contact, evaluated anew, and what they are compared with.
 
     Attributes:
-        surface: integrals over its boundary.
+        surface: its nodes.
         internal: a(y, .) of the strains, forces, shape (owned nodes, d).
         external: L, forces, shape (owned nodes, d).
         supports: what is prescribed.
@@ -55,23 +55,19 @@ class Balance:
     displaced: bool = False
 
     def works(self, y: Nodal) -> Nodal:
-        """What internal and initial forces do on displacements of the owned nodes, shape (n, d): an energy for each
-        piece, shape (pieces, 2); collective.
-        """
+        """What internal and initial forces do on displacements of the owned nodes, energies, shape (pieces, 2)."""
         return self.surface.pieces.works(self.internal * y, self.initial * y)
 
     def strain_energy(self, works: Nodal) -> float:
-        """The energy of the stress from ``works``: that of the strains, and what initial ones take of it; round-off is
-        none.
-        """
+        """The energy of the stress from ``works``: of the strains, and what initial ones take of it, but round-off."""
         internal, expanding = map(float, works.sum(axis=0))
         prevented = self.prevented - expanding
         energy = internal / 2 + prevented
         return max(0.0, energy if energy > SAME_NUMBER * abs(internal / 2) or prevented == 0.0 else 0.0)
 
     def reaction_stress(self, pieces: RigidPart) -> Nodal:
-        """The stress that the supports of each piece feel, over its surface, where ``internal`` has the loads: their
-        work is none then, and tells of no stress without contact; shape (pieces,); collective.
+        """The stress that the supports of each piece feel, over its surface, where ``internal`` has the loads: then its
+        work tells of no stress without contact; shape (pieces,).
         """
         if not self.with_loads:
             return np.zeros(pieces.count)
@@ -84,10 +80,8 @@ class Balance:
         return replace(self.scales, size=size), replace(self.stiffest, size=size)
 
     def unloaded(self, pieces: RigidPart) -> npt.NDArray[np.bool_]:
-        """Pieces that no load strains and no support moves, shape (pieces,); collective.
-
-        They have the forces alone that others pass on to them.  If these pass on none, all that is there is round-off
-        of the joint system, and as large as the motions of others make it, not as its own.
+        """Pieces that no load strains and no support moves, shape (pieces,): if others pass on no force to them, all
+        that is there is round-off of the joint system, as large as the motions of others make it.
         """
         nothing = np.zeros_like(self.external)
         imposed = pieces.largest(self.supports.missed(nothing), self.supports.among(pieces.piece))
@@ -95,9 +89,9 @@ class Balance:
 
 
 class PieceScales(NamedTuple):
-    """What the figures of the certificate are divided by, for each piece or each point; ``length``: of the deformation;
-    ``far``: of the displacement; ``stress``: of the tractions, at least ``penalty``, of which round-off is a share
-    where two bodies meet by the regularised law.
+    """What figures are divided by, for each piece or each point; ``length``: of the deformation; ``far``: of the
+    displacement; ``stress``: of the tractions, at least ``penalty``, of which round-off is a share where two bodies
+    meet by the regularised law.
     """
 
     length: Nodal
@@ -106,10 +100,8 @@ class PieceScales(NamedTuple):
     penalty: Nodal
 
     def between(self, piece: Numbers, other: Numbers) -> PieceScales:
-        """Those of points on a piece and another one, -1: on a rigid foundation, from those of pieces.
-
-        A stress is that of the piece with the smaller one: forces that press the other one elsewhere say nothing of
-        this contact.
+        """Those of points on a piece and another one, -1: on a rigid foundation, from those of pieces; the smaller
+        stress of both: forces that press the other one elsewhere say nothing of this contact.
         """
         rigid = other < 0
         length, far, _, penalty = (np.maximum(values[piece], np.where(rigid, 0.0, values[other])) for values in self)
@@ -156,7 +148,7 @@ def equilibrium(
     reacting = np.maximum(pieces.norms(balance.internal), pieces.norms(loads))
     slight = NEGLIGIBLE * reacting
     if nodes is not None:
-        reached, contact_forces, area = nodes.forces()
+        reached, contact_forces, area = nodes.forces(len(y))
         pressed = np.zeros_like(residual)
         np.add.at(pressed, reached, contact_forces)
         residual += pressed
@@ -171,7 +163,7 @@ def equilibrium(
     force = np.maximum(force, joint)
     residual = supports.left(residual)
     digits = LOST_UNITS * np.finfo(float).eps
-    coordinates = parallel.largest(comm, np.abs(balance.surface.at_nodes[: balance.surface.owned]), 0.0)
+    coordinates = parallel.largest(comm, np.abs(balance.surface.x), 0.0)
     last_digit = UNITS_OF_PLACES * np.finfo(float).eps * coordinates
     missing = pieces.norms(residual) - digits * least / NO_FORCE - last_digit / spacing * reacting
     hidden = 0.0

@@ -1,8 +1,7 @@
-"""Nodal forces of a scene by compiled linear forms, evaluated at a displacement.
+"""Nodal forces of a scene by compiled linear forms, evaluated at a displacement, on which its certificate is based.
 
-The certificate is based on this module.  It reads no matrix, right-hand side, condensed system or load vector of the
-solver: the form of the body is assembled at the displacement, and loads at their place in the lists of factors, with
-coefficients of their own.  Both sides share what states the problem: the mesh, the forms, the materials and the loads.
+No matrix, right-hand side, condensed system or load vector of the solver is read: the form of the body is assembled at
+the displacement, and loads at their place in the lists of factors, with coefficients of their own.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from dolfinx import fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, shared_in
+from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions, shared_in
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
 from signorini_fx.mechanics.loads.initial_strains import initial_strain, total_jump
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, group_of
@@ -38,10 +37,7 @@ Array = npt.NDArray[np.float64]
 
 
 class NodalForces(BodyNodes):
-    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective.
-
-    Linear forms are compiled when they are first asked for, with coefficients of their own.
-    """
+    """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective."""
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         super().__init__(space)
@@ -97,9 +93,7 @@ class NodalForces(BodyNodes):
             own.x.array[:] = given.x.array
 
     def _at_step(self, step: float) -> tuple[Any, Any, int]:
-        """Initial strains and jumps of a load step, UFL, None without any, and the degree of the quadrature of the
-        former.
-        """
+        """Initial strains and jumps of a load step, UFL, or None, and the degree of quadrature of the former."""
         (strain, move_strain), (jump, move_jump) = self._given
         move_strain(step)
         move_jump(step)
@@ -124,17 +118,14 @@ class NodalForces(BodyNodes):
         return self.statement.element.pressed
 
     def internal(self, displacement: fem.Function) -> Array:
-        """a(y, .) of the strains of a displacement, forces, shape (owned nodes, d).
-
-        What resists them on the boundary is not in it, see ``resisted``.
-        """
+        """a(y, .) of the strains of a displacement without ``resisted``, forces, shape (owned nodes, d)."""
         self._take(displacement)
         return self._sum(self._compiled("stress", lambda: self._on.elastic.force_terms(self._y, self._z)))
 
     def initial(self, step: float, displacement: fem.Function) -> tuple[Array, float]:
-        """Forces of the stress that initial strains and jumps of a load step cause where
-        they are prevented, shape (owned nodes, d), and its energy; with a pressure those of jumps alone, and what both
-        add to the energy of a ``displacement``.
+        """Forces of the stress that initial strains and jumps of a load step cause where they are prevented, shape
+        (owned nodes, d), and its energy; with a pressure those of jumps, and what both add to the energy of a
+        ``displacement``.
         """
         strain, jump, degree = self._at_step(step)
         if strain is None and jump is None:
@@ -167,16 +158,15 @@ class NodalForces(BodyNodes):
         at, elastic = jump.on(self.space), self._on.elastic
 
         def stress() -> list[Any]:
-            acting = elastic.force_terms(self._y, at, self._y + jumps)
             free = () if strain is None else elastic.initial_terms(at, None, strain, degree)
-            return [*acting, *(-term for term in free)]
+            return [*elastic.force_terms(self._y, at, self._y + jumps), *(-term for term in free)]
 
         force = self._number(self._compiled(("through", jump.path), stress))
         self._on.move_to(step)
         for load in (load for load in self.statement.of(Force) if load.where is None and load.acts):
-            factor, _ = self.statement.now(load, step)
             of_load = partial(compile_loads, [load], self._on, at)
-            force -= factor * self._number(self._compiled(("through", jump.path, id(load)), of_load))
+            work = self._number(self._compiled(("through", jump.path, id(load)), of_load))
+            force -= self.statement.now(load, step)[0] * work
         return force
 
     def resisted(self, displacement: fem.Function, resistances: Sequence[Resistance] | None = None) -> Array:
@@ -191,9 +181,7 @@ class NodalForces(BodyNodes):
         return self._sum(forms)
 
     def external(self, step: float, some: Sequence[Force] | None = None) -> Array:
-        """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have
-        none.
-        """
+        """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have none."""
         total = np.zeros((self.owned, self.dimension))
         groups: dict[Hashable, list[Force]] = {}
         for load in self.statement.of(Force) if some is None else some:
@@ -206,7 +194,7 @@ class NodalForces(BodyNodes):
             total += factor * self._sum(compiled)
             for load in loads:
                 if load.nodal:
-                    _, current = self.statement.now(load, step)
+                    current = self.statement.now(load, step)[1]
                     at_nodes = forces_at_nodes(current, load.label, self.space, self.tagged)
                     total += factor * at_nodes.reshape(total.shape)
         return total
@@ -220,7 +208,7 @@ class NodalForces(BodyNodes):
         facets = {str(effect.boundary): tagged.facets(effect.boundary) for _, effect in now if effect.at is None}
         entries = tuple(effect for _, effect in now)
         supports = Supports.of(statement.changed(displacement=entries), self.space, facets, tagged)
-        value = np.zeros((len(self.at_nodes), self.dimension))
+        value = np.zeros((len(node_positions(self.space)), self.dimension))
         by = np.full(value.shape, -1)
         for effect, condition in supports.conditions:  # the last one is what holds nodes on an axis of revolution
             condition.set(value.reshape(-1), alpha=factors.get(id(effect), 1.0))
