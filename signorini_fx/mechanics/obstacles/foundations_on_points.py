@@ -126,9 +126,11 @@ class Foundations:
             FormError: it is not.
         """
         x = node_positions(self._space)[self._values[number].nodes, : self._dimension]
-        fault = fault_of_shape(shape, x, self._length)
-        error = FormError([(f"contact[{number}].shape", fault)]) if fault else None
-        parallel.raise_together(self._space.mesh.comm, error)
+        self._refuse(f"contact[{number}].shape", fault_of_shape(shape, x, self._length))
+
+    def _refuse(self, path: str, fault: str) -> None:
+        """Raise an error on all ranks if any of them has a fault."""
+        parallel.raise_together(self._space.mesh.comm, FormError([(path, fault)]) if fault else None)
 
     @cached_property
     def _length(self) -> float:
@@ -443,13 +445,11 @@ class Foundations:
         closed = [k for k, contact in enumerate(self._contact) if contact.bilateral or contact.bonded]
         bilateral, gap = np.isin(boundary.part, closed), np.zeros(boundary.size)
         # The gap is that of nodes, whose value averages of a linear displacement have, too.
-        for k, contact_data in enumerate(data):
+        for k, entry in enumerate(data):
             on_part = boundary.part == k
-            gap[on_part] = contact_data.gap[boundary.nodes[on_part]]
-        regularised = RegularisedData.unshifted(
-            gap, self._dimension - 1, settings, scales.gamma, law, bilateral, boundary.points.immovable
-        )
-        return regularised, law
+            gap[on_part] = entry.gap[boundary.nodes[on_part]]
+        points = law, bilateral, boundary.points.immovable
+        return RegularisedData.unshifted(gap, self._dimension - 1, settings, scales.gamma, *points), law
 
     def law(
         self, boundary: ContactBoundary, modulus: float, friction: Sequence[FrictionLaw | None] | None = None
@@ -467,9 +467,7 @@ class Foundations:
         for k, (of_all, at) in enumerate(zip(self.friction() if friction is None else friction, points, strict=True)):
             law = None if of_all is None else of_all.at(boundary.nodes[at])
             if law is not None and not is_of_package(type(law)):
-                fault = fault_of(law, at.size, modulus)
-                error = FormError([(f"contact[{k}].friction", fault)]) if fault else None
-                parallel.raise_together(self._space.mesh.comm, error)
+                self._refuse(f"contact[{k}].friction", fault_of(law, at.size, modulus))
             parts.append(friction_of(law, at.size))
             if self._contact[k].bonded:
                 parts[-1] = stuck(np.ones(at.size, dtype=bool))
