@@ -90,14 +90,11 @@ def global_max(comm: MPI.Comm, value: float) -> float:
 
 def global_bounds(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Smallest and largest coordinates over the ranks of points of shape (n, d), shape (2, d)."""
-    dim = points.shape[1]
     # Column by column, 20 times as fast as along the long axis.
-    low = np.array([column.min(initial=np.inf) for column in points.T])
-    high = np.array([column.max(initial=-np.inf) for column in points.T])
-    bounds = np.empty((2, dim))
-    comm.Allreduce(low, bounds[0], op=MPI.MIN)
-    comm.Allreduce(high, bounds[1], op=MPI.MAX)
-    return bounds
+    low = [column.min(initial=np.inf) for column in points.T]
+    high = [column.max(initial=-np.inf) for column in points.T]
+    signs = np.array([[-1.0], [1.0]])
+    return signs * largest_of_each(comm, signs * np.array([low, high]))
 
 
 def local_max(values: npt.NDArray[Any], default: float = 0.0) -> float:

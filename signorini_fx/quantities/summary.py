@@ -267,8 +267,8 @@ class ErrorBoundFigures(Row):
     statement: str = described("All of it in a sentence, or why there is no bound.")
 
 
-class CostFigures(Row):
-    """Of the estimated error and the seconds of this run."""
+class CostOfAccuracy(Row):
+    """What an accuracy took, by the estimated error and the seconds of this run, and what a better one would take."""
 
     of: str | None = described(
         "The error that it is about, a column of the convergence table: `energy` is that of stress and displacement.",
@@ -285,6 +285,9 @@ class CostFigures(Row):
     )
     local: bool | None = described("Whether cells become smaller only where the error is.", default=None)
     statement: str = described("All of it in a sentence, or why there is no forecast.")
+
+    def __str__(self) -> str:
+        return self.statement
 
 
 def _with_components(schema: dict[str, Any]) -> None:
@@ -404,7 +407,7 @@ class Summary(Run):
     error_bound: ErrorBoundFigures = perhaps(
         "A guaranteed bound of the error in the energy norm, where the scene asks for it."
     )
-    cost: CostFigures = perhaps("What the accuracy took, and what a better one would take; a forecast.")
+    cost: CostOfAccuracy = perhaps("What the accuracy took, and what a better one would take; a forecast.")
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def _error_bound(solution: Any) -> Any:
 
 def _cost(solution: Any) -> Any:
     cost = solution.cost
-    return {"statement": cost} if isinstance(cost, str) else cost.as_dict()
+    return {"statement": cost} if isinstance(cost, str) else cost.model_dump()
 
 
 def of_step(solution: Any) -> dict[str, Any]:

@@ -37,23 +37,16 @@ from signorini_fx.results.summary import asked, not_yet_there, post_processing, 
 
 # Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
 ON_DEMAND = ("pressure", "displacement", "density")
+_PICTURES = (
+    *("deformed", "profiles", "convergence_table", "contact_surface", "load_steps", "setup"),
+    *(f"field_{name}" for name in (*ON_DEMAND, "around")),
+)
 # All files of a result, although some are written by some runs only, and its report.
 FILES = (
-    *(
-        "history.csv",
-        "outer.csv",
-        "steps.csv",
-        "contact.csv",
-        "contact_steps.csv",
-        "convergence_table.csv",
-    ),
-    *(*FIELD_FILES, "contact.vtu"),
-    *(
-        f"{name}.{kind}"
-        for name in ("deformed", "profiles", "convergence_table", "contact_surface", "load_steps", "setup")
-        for kind in ("png", "pdf")
-    ),
-    *(f"field_{name}.{kind}" for name in (*ON_DEMAND, "around") for kind in ("png", "pdf")),
+    *(f"{name}.csv" for name in ("history", "outer", "steps", "contact", "contact_steps", "convergence_table")),
+    *(f"{name}.{kind}" for name in _PICTURES for kind in ("png", "pdf")),
+    *FIELD_FILES,
+    "contact.vtu",
     "report.html",
 )
 # The columns that come first in the table of all load steps, and those that it leaves out.

@@ -23,7 +23,7 @@ from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, Timings
-from signorini_fx.results.accuracy.next_accuracy import NAMES, CostOfAccuracy, next_cost
+from signorini_fx.results.accuracy.next_accuracy import NAMES, next_cost
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate, another_law
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
@@ -35,7 +35,7 @@ from signorini_fx.tuned import ZERO_IN_SOLUTION
 
 if TYPE_CHECKING:
     from signorini_fx.quantities.proved_statements import ErrorBound, Interval
-    from signorini_fx.quantities.summary import ContactFigures, Price, SectionForce
+    from signorini_fx.quantities.summary import ContactFigures, CostOfAccuracy, Price, SectionForce
     from signorini_fx.results.accuracy.level_results import LevelResult
 
 # A body that moves away although nothing would let it do so without a load.

@@ -50,9 +50,10 @@ def test_without_contact_of_one_body_all_cells_become_smaller():
     assert not next_accuracy.divides_cells(replace(statement, arcs=True), mesh, "energy")
     assert not next_accuracy.divides_cells(replace(statement, generated=False), mesh, "energy")  # quadrilaterals
     assert not next_accuracy.divides_cells(statement, mesh, "peak")
-    local = next_accuracy.CostOfAccuracy("energy", 0.03, 0.6, 10, 0.003, (0.5, 1.8), 20.0, "--accuracy 0.0042", True)
-    assert str(local) == "3 % error of the stress took 0.6 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0042"
-    assert str(replace(local, local=False)).endswith("with --accuracy 0.0042, all cells smaller")
+    figures = ("energy", 0.03, 0.6, 10, 0.003, (0.5, 1.8), 20.0, "--accuracy 0.0042")
+    sentence = "3 % error of the stress took 0.6 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0042"
+    assert str(next_accuracy.cost_of(*figures, True)) == sentence
+    assert str(next_accuracy.cost_of(*figures, False)) == f"{sentence}, all cells smaller"
 
 
 def test_check_foretells_what_it_costs():

@@ -8,14 +8,14 @@ Where all cells become smaller they decrease with a rate between those at a corn
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import ceil, log
-from typing import Any
 
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature
 from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.quantities.summary import CostOfAccuracy
 from signorini_fx.tuned import (
     FIRST_UNKNOWNS,
     FIXED_UNKNOWNS,
@@ -43,45 +43,33 @@ NAMES = {
 }
 
 
-@dataclass(frozen=True)
-class CostOfAccuracy:
-    """What an accuracy took, and what a better one would take.
-
-    Attributes:
-        of: the error that it is about, a column of the convergence table; ``energy`` is that of stress and
-            displacement.
-        error: estimated, relative, of what was solved.
-        seconds: wall time of that, all meshes together.
-        dofs: unknowns of the last mesh.
-        next_error: the smaller one.
-        next_seconds: that it would take, from and to.
-        next_dofs: unknowns that it would take, the most likely number.
-        command: what asks for it; "": nothing can, as of residuals.
-        local: whether cells are divided where the error is; otherwise all become smaller.
-    """
-
-    of: str
-    error: float
-    seconds: float
-    dofs: int
-    next_error: float
-    next_seconds: tuple[float, float]
-    next_dofs: float
-    command: str
-    local: bool
-
-    def __str__(self) -> str:
-        """Such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0043."""
-        known = f"{100 * self.error:.2g} % error of {NAMES[self.of]} took {duration(self.seconds)}"
-        figures = 1 if self.next_error * 5 < self.error else 2  # a digit less
-        share = f"{100 * self.next_error:.{figures}g} %"
-        command = f" with {self.command}" if self.command else ""
-        forecast = f"{share}: {between(self.next_seconds)}{command}{'' if self.local else ', all cells smaller'}"
-        return f"{known}; {forecast}"
-
-    def as_dict(self) -> dict[str, Any]:
-        """JSON-safe."""
-        return {**asdict(self), "next_seconds": list(self.next_seconds), "statement": str(self)}
+def cost_of(
+    of: str,
+    error: float,
+    seconds: float,
+    dofs: int,
+    next_error: float,
+    next_seconds: tuple[float, float],
+    next_dofs: float,
+    command: str,
+    local: bool,
+) -> CostOfAccuracy:
+    """The cost with its statement: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0043."""
+    figures = 1 if next_error * 5 < error else 2  # a digit less
+    known = f"{100 * error:.2g} % error of {NAMES[of]} took {duration(seconds)}"
+    following = f"{100 * next_error:.{figures}g} %: {between(next_seconds)}{' with ' * bool(command)}{command}"
+    return CostOfAccuracy(
+        of=of,
+        error=error,
+        seconds=seconds,
+        dofs=dofs,
+        next_error=next_error,
+        next_seconds=list(next_seconds),
+        next_dofs=next_dofs,
+        command=command,
+        local=local,
+        statement=f"{known}; {following}{'' if local else ', all cells smaller'}",
+    )
 
 
 def between(seconds: tuple[float, float]) -> str:
@@ -165,9 +153,7 @@ def next_cost(
     command = command if able else ""
     low, high = (starting + times * (last - starting) for times in refinement.times)
     seconds = sum(seconds for _, seconds in solved)
-    return CostOfAccuracy(
-        of, error, seconds, dofs, following, (low, high), refinement.unknowns, command, refinement.local
-    )
+    return cost_of(of, error, seconds, dofs, following, (low, high), refinement.unknowns, command, refinement.local)
 
 
 def local_meshes(dofs: float, degree: int, *, generated: bool, divided: bool = False) -> list[float]:
