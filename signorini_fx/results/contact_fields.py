@@ -15,8 +15,6 @@ from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.assembly.mesh_entities import facet_nodes, node_positions
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 
-_NAMES = ("pressure", "shear", "gap", "slip")
-
 
 @dataclass(frozen=True)
 class ContactFields:
@@ -75,26 +73,6 @@ class ContactFields:
             function.x.scatter_reverse(la.InsertMode.add)  # the owner of a vertex need not be that of the point
             function.x.scatter_forward()
 
-    def on_boundary(self, facets: npt.NDArray[np.int32]) -> BoundaryFields:
-        """Their values on a mesh of facets, in new Functions; collective.
-
-        Args:
-            facets: exterior facets whose cell this rank owns, local numbers.
-        """
-        mesh, facets = compat.facet_mesh(self.pressure.function_space.mesh, np.unique(facets))
-        element = self.pressure.function_space.element.basix_element
-        made: dict[str, fem.Function] = {}
-        for name in _NAMES:
-            function: fem.Function = getattr(self, name)
-            size = function.function_space.dofmap.index_map_bs
-            shape = () if function.ufl_shape == () else (size,)
-            part = fem.functionspace(mesh, ("Lagrange", element.degree, shape))
-            made[name] = fem.Function(part, name=name)
-            nodes, values = _nodes_of_parent(part, function.function_space, facets), made[name].x.array
-            values.reshape(-1, size)[part.dofmap.list] = function.x.array.reshape(-1, size)[nodes]
-            made[name].x.scatter_forward()  # of cells beside that are other ranks'
-        return BoundaryFields(mesh=mesh, facets=facets, **made)
-
 
 @dataclass(frozen=True, kw_only=True)
 class BoundaryFields(ContactFields):
@@ -113,8 +91,13 @@ class BoundaryFields(ContactFields):
 def boundary_fields(
     space: fem.FunctionSpace, state: ContactState, facets: Sequence[npt.NDArray[np.int32]], number: int | None
 ) -> BoundaryFields:
-    """The fields of a state on a mesh of its contact boundaries; ``facets``: of each contact, of pairs on the side with
-    the points; ``number``: the contact, None: all of them, of which at a node of two the later one counts; collective.
+    """The fields of a state on a mesh of its contact boundaries; collective.
+
+    Args:
+        space: of the displacement.
+        state: at the contact points.
+        facets: of each contact, those whose cell this rank owns, local numbers; of pairs on the side with the points.
+        number: the contact; None: all of them, of which at a node of two the later one counts.
 
     Raises:
         ValueError: there is no such contact.
@@ -123,7 +106,19 @@ def boundary_fields(
         raise ValueError(f"number: must be from 0 to {len(facets) - 1}, the contacts in their order, got {number}")
     fields = ContactFields.on(space)
     fields.take(space, state, None if number is None else state.boundary.part == number)
-    return fields.on_boundary(np.concatenate(list(facets) if number is None else [facets[number]]))
+    wanted = np.unique(np.concatenate(list(facets) if number is None else [facets[number]]))
+    mesh, cells = compat.facet_mesh(space.mesh, wanted)
+    made: dict[str, fem.Function] = {}
+    for name in ("pressure", "shear", "gap", "slip"):
+        function: fem.Function = getattr(fields, name)
+        parent, size = function.function_space, function.function_space.dofmap.index_map_bs
+        shape = (size,) if function.ufl_shape else ()
+        part = fem.functionspace(mesh, ("Lagrange", parent.element.basix_element.degree, shape))
+        made[name] = fem.Function(part, name=name)
+        nodes, values = _nodes_of_parent(part, parent, cells), made[name].x.array
+        values.reshape(-1, size)[part.dofmap.list] = function.x.array.reshape(-1, size)[nodes]
+        made[name].x.scatter_forward()  # of cells beside that are other ranks'
+    return BoundaryFields(mesh=mesh, facets=cells, **made)
 
 
 def _nodes_of_parent(

@@ -94,17 +94,13 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
 
 def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
     """Every field under its name, in discontinuous functions of the degree of the element; collective."""
-    return {name: _in_cells(solution, function, name) for name, function in _fields(solution).items()}
-
-
-def _in_cells(solution: Solution, function: fem.Function, name: str) -> fem.Function:
-    """A field in the discontinuous functions of the degree of the element, which all fields of a data set share."""
-    model = solution.model
-    degree, shape = model.space.element.basix_element.degree, function.ufl_shape
-    element = ("DG", degree, shape) if shape else ("DG", degree)
-    interpolated = fem.Function(fem.functionspace(model.tagged.mesh, element), name=name)
-    interpolated.interpolate(function)
-    return interpolated
+    mesh, degree = solution.model.tagged.mesh, solution.model.space.element.basix_element.degree
+    fields = {}
+    for name, function in _fields(solution).items():
+        space = fem.functionspace(mesh, ("DG", degree, function.ufl_shape))
+        fields[name] = fem.Function(space, name=name)
+        fields[name].interpolate(function)
+    return fields
 
 
 # VTK's number of a facet with this many nodes, and its order of basix's nodes: vertices, then edges, then the rest.
@@ -121,18 +117,18 @@ def facets_of(table: ContactTable) -> npt.NDArray[np.int64]:
 
 def write_surface(path: Path, table: ContactTable) -> None:
     """A .vtu file of the contact surface; on one rank."""
-    c = table.columns
-    fields: dict[str, npt.NDArray[Any]] = {
-        name: c[name] for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")
+    c, facets = table.columns, facets_of(table)
+
+    def vector(begin: str) -> Array:
+        return np.column_stack([c[f"{begin}{axis}"] for axis in "xyz"])
+
+    fields: dict[str, Array] = {
+        **{name: c[name] for name in ("pressure", "gap", "u_n", "bound", "shear", "slip", "u_t", "weight")},
+        **{f"{name} vector": vector(f"{name}_") for name in ("shear", "slip", "u_t")},
+        "normal": vector("n_"),
+        "state (0 open, 1 stick, 2 slip)": np.array([_STATES.index(state) for state in c["state"]]),
     }
-    fields |= {
-        f"{name} vector": np.column_stack([c[f"{name}_{axis}"] for axis in "xyz"]) for name in ("shear", "slip", "u_t")
-    }
-    fields["normal"] = np.column_stack([c[f"n_{axis}"] for axis in "xyz"])
-    fields["state (0 open, 1 stick, 2 slip)"] = np.array([_STATES.index(state) for state in c["state"]])
-    points = np.column_stack([c[axis] for axis in "xyz"])
-    facets = facets_of(table)
-    write_vtu(path, MPI.COMM_SELF, points, facets, _KINDS[facets.shape[1]][0], fields)
+    write_vtu(path, MPI.COMM_SELF, vector(""), facets, _KINDS[facets.shape[1]][0], fields)
 
 
 _NAMES = {np.dtype(np.float64): "Float64", np.dtype(np.int64): "Int64", np.dtype(np.uint8): "UInt8"}

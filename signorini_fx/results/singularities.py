@@ -102,12 +102,7 @@ def _reason(facet_a: BoundaryFacet, facet_b: BoundaryFacet) -> str | None:
     if alike and facet_a.kind != "guided":
         return "it is at a reentrant corner of the body"
     names = {*facet_a.names, *facet_b.names} if alike else {*facet_a.names} ^ {*facet_b.names}
-    return f"it is at the end of the {_boundaries(names)}"
-
-
-def _boundaries(names: set[str]) -> str:
-    """Boundaries by their names."""
-    return f"boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(sorted(names))}"
+    return f"it is at the end of the boundar{'ies' if len(names) > 1 else 'y'} {' and '.join(sorted(names))}"
 
 
 def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:

@@ -106,17 +106,14 @@ def estimated_cost(model: Model) -> Cost:
     """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
     of both.
     """
-    comm = model.comm
-    n = model.dofs
-    of_rank = 0 if model.boundary is None else np.unique(model.boundary.nodes).size
-    nodes = int(parallel.global_sum(comm, np.array(of_rank)))
-    dim = model.tagged.dimension
-    entries = factor_entries(n, dim)
+    comm, n, dim = model.comm, model.dofs, model.tagged.dimension
+    touching = 0 if model.boundary is None else np.unique(model.boundary.nodes).size
+    nodes, free = parallel.global_sum(comm, np.array([touching, np.count_nonzero(~model.fixed)])).tolist()
     factorisation = factorisation_seconds(n, dim)
     solves = linear_solves(model.statement, nodes)
     matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries
     kind, reason = choice.choose_kind(model.system_size(), model.statement.solver.linear_algebra)
-    dense, held = 0, 12.0 * entries
+    dense, held = 0, 12.0 * factor_entries(n, dim)
     if kind == "krylov":
         once, per_solve, held = KRYLOV_SECONDS * n, KRYLOV_SECONDS * n, matrix
     elif kind == "condensed":
@@ -128,7 +125,6 @@ def estimated_cost(model: Model) -> Cost:
         once, per_solve = 0.0, factorisation
     if model.statement.nonlinear:  # each linear solve has a factorisation
         once, per_solve = 0.0, factorisation
-    free = int(parallel.global_sum(comm, np.array(np.count_nonzero(~model.fixed))))
     if model.boundary is not None and model.boundary.moving is not None:
         free += int(np.count_nonzero(~model.boundary.moving.fixed))
     seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
@@ -150,12 +146,9 @@ def estimated_cost(model: Model) -> Cost:
 def memory_finding(cost: Cost, comm: MPI.Comm) -> list[Finding]:
     """A warning if the machine has too little memory; collective."""
     available = parallel.machine_memory(comm)
-    if cost.memory_bytes < MEMORY_SHARE * available:
-        return []
-    message = (
-        f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}: use a coarser mesh"
-    )
-    return [Finding("warning", "mesh", message)]
+    needed = f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}"
+    too_little = cost.memory_bytes >= MEMORY_SHARE * available
+    return [Finding("warning", "mesh", f"{needed}: use a coarser mesh")] * too_little
 
 
 @dataclass(frozen=True)
@@ -327,9 +320,11 @@ def text_of(check: Check, *, verbose: bool) -> str:
     """What acts, what it will cost, and what the scene lacks, in 80 columns; ``verbose``: also the linear algebra."""
     cost, (low, high) = check.cost, check.cost.linear_solves
     solves = f"{low}" if low == high else f"{low} to {high}"
+    share = {0.1: "a tenth of", 0.5: "half"}.get(cost.next_error, f"{cost.next_error:.2g} of")
+    how = "with --accuracy" if cost.next_local else "with all cells smaller"
     estimate = (
         f"{cost.unknowns} unknowns, {solves} solves, {between(cost.seconds)} of linear algebra, "
-        f"{storage(cost.memory_bytes)}, estimated; {_next_accuracy(cost)}"
+        f"{storage(cost.memory_bytes)}, estimated; {share} the error: {between(cost.next_seconds)} {how}"
     )
     count = len(check.warnings)
     verdict = "fine" if count == 0 else f"{count} warning{'s' * (count > 1)}"
@@ -346,10 +341,3 @@ def _paragraph(label: str, text: str) -> list[str]:
     """A labelled text in lines of 80 columns."""
     lines = textwrap.wrap(printable(text), COLUMNS - _LABEL)
     return [f"  {label if k == 0 else '':{_LABEL - 2}s}{line}" for k, line in enumerate(lines)]
-
-
-def _next_accuracy(cost: Cost) -> str:
-    """What the next accuracy would take, before anything is known of the solution."""
-    share = {0.1: "a tenth of", 0.5: "half"}.get(cost.next_error, f"{cost.next_error:.2g} of")
-    how = "with --accuracy" if cost.next_local else "with all cells smaller"
-    return f"{share} the error: {between(cost.next_seconds)} {how}"

@@ -11,9 +11,7 @@ from dolfinx import default_scalar_type, fem
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_entities
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.load_vectors import measures
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force
@@ -103,8 +101,11 @@ def combined(
         body[:] = recovery / size
     loads, error = total(missed), float(np.sqrt(total(body)))
     contact, pressed = np.zeros_like(body), pressure_square(table)
-    if pressed > 0:
-        np.add.at(contact, cells, _facet_squares(boundary, table, model.kinematics) / pressed)
+    if pressed > 0 and table.facets is None:
+        np.add.at(contact, cells, on_facets(boundary, table, interval_squares(table, model.kinematics)) / pressed)
+    elif pressed > 0:
+        surface = ContactSurface.of(table)
+        np.add.at(contact, cells, surface.of_rank(boundary, surface.squares(table.columns["pressure"])) / pressed)
     local = total(contact)
     top: Floats = np.zeros_like(body)
     if pressed > 0 and table.facets is None:
@@ -124,14 +125,6 @@ def combined(
             "peak": contact + top + (POLLUTION * error) ** 2 * body + loads * missed,
         },
     )
-
-
-def _facet_squares(boundary: ContactBoundary, table: ContactTable, kinematics: Kinematics) -> Floats:
-    """Squared error of the pressure on each facet of this rank, as in ``boundary.segments``; collective."""
-    if table.facets is None:
-        return on_facets(boundary, table, interval_squares(table, kinematics))
-    surface = ContactSurface.of(table)
-    return surface.of_rank(boundary, surface.squares(table.columns["pressure"]))
 
 
 def worst_of(steps: list[Errors]) -> Errors:

@@ -89,14 +89,12 @@ def make_ready(newton: SemismoothNewton) -> None:
             petsc_calls.solve(newton.snes.getKSP().setUp)
 
 
-def _root_of_weight(table: ContactTable) -> float:
+def _spacing(table: ContactTable, *, revolved: bool) -> float:
     """The mean length, or the side of the mean area, that belongs to a contact node."""
-    return float(table.columns["weight"].mean() ** (1 if table.facets is None else 1 / 2))
-
-
-def _spacing(table: ContactTable) -> float:
-    """The same in the section of a body of revolution, where the weights are areas of rings."""
-    return float(sum(np.ptp(table.arc(path)) for path in table.paths) / len(table.columns["weight"]))
+    weight = table.columns["weight"]
+    if revolved:  # the weights are areas of rings
+        return float(sum(np.ptp(table.arc(path)) for path in table.paths) / len(weight))
+    return float(weight.mean() ** (1 if table.facets is None else 1 / 2))
 
 
 def level_result(
@@ -129,7 +127,7 @@ def level_result(
     change = None if task is None else task.history.outer[-1].change
     return LevelResult(
         level=level,
-        h=_spacing(table) if table.facets is None and not body.kinematics.uniform else _root_of_weight(table),
+        h=_spacing(table, revolved=table.facets is None and not body.kinematics.uniform),
         dofs=body.dofs,
         linear_solves=len(own),
         factorisations=sum(record.factorised for record in own),
