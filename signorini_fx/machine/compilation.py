@@ -30,7 +30,7 @@ _LOADED: dict[tuple[str, str], Any] = {}
 
 
 @contextmanager
-def compiling() -> Iterator[None]:
+def compiling(what: str = "a form") -> Iterator[None]:
     """Lock the form that is compiled inside the ``with`` block, and report what the machine lacks if it cannot be.
 
     Raises:
@@ -43,7 +43,7 @@ def compiling() -> Iterator[None]:
         with signals.deferred(), _locks():
             yield
     except (OSError, RuntimeError, VerificationError) as error:  # dolfinx raises the second on all ranks but one
-        raise MachineError(f"a form cannot be compiled: {error}: {_NEEDED}") from error
+        raise MachineError(f"{what} cannot be compiled: {error}: {_NEEDED}") from error
 
 
 @contextmanager
@@ -93,9 +93,9 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
             pass
         else:
             # A program without locks has begun less than its own patience ago, or is gone.
-            if not 0.0 <= _age(_source(folder, module)) < patience:
-                _source(folder, module).unlink(missing_ok=True)
-                _mark(folder, module).unlink(missing_ok=True)
+            if not 0.0 <= _age(_files(folder, module)[0]) < patience:
+                for file in _files(folder, module):
+                    file.unlink(missing_ok=True)
                 return
         signals.serve()
         time.sleep(PROGRESS_PAUSE)
@@ -108,19 +108,16 @@ def library(folder: Path, name: str, declarations: str, source: str, arguments: 
     Raises:
         MachineError: there is no compiler, or the folder cannot be written.
     """
-    from cffi import FFI, VerificationError
+    from cffi import FFI
 
-    try:
-        with signals.deferred(), ExitStack() as held:
-            prepare(folder, name, 0.0, held)
-            if not _compiled(folder, name):
-                builder = FFI()
-                builder.cdef(declarations)
-                builder.set_source(name, source, extra_compile_args=list(arguments))
-                builder.compile(tmpdir=str(folder))
-                _mark(folder, name).touch()
-    except (OSError, RuntimeError, VerificationError) as error:
-        raise MachineError(f"C functions cannot be compiled: {error}: {_NEEDED}") from error
+    with compiling("C functions"), ExitStack() as held:
+        prepare(folder, name, 0.0, held)
+        if not _compiled(folder, name):
+            builder = FFI()
+            builder.cdef(declarations)
+            builder.set_source(name, source, extra_compile_args=list(arguments))
+            builder.compile(tmpdir=str(folder))
+            _files(folder, name)[1].touch()
     file = next(path for suffix in EXTENSION_SUFFIXES if (path := folder / f"{name}{suffix}").exists())
     found = spec_from_file_location(name, file)
     assert found is not None
@@ -130,18 +127,14 @@ def library(folder: Path, name: str, declarations: str, source: str, arguments: 
     return module
 
 
-def _source(folder: Path, module: str) -> Path:
-    return folder / f"{module}.c"
-
-
-def _mark(folder: Path, module: str) -> Path:
-    """The file that FFCx writes after compilation."""
-    return folder / f"{module}.c.cached"
+def _files(folder: Path, module: str) -> tuple[Path, Path]:
+    """The source, and the file that FFCx writes after compilation."""
+    return folder / f"{module}.c", folder / f"{module}.c.cached"
 
 
 def _compiled(folder: Path, module: str) -> bool:
     libraries = (folder / f"{module}{suffix}" for suffix in EXTENSION_SUFFIXES)
-    return _source(folder, module).exists() and _mark(folder, module).exists() and any(map(Path.exists, libraries))
+    return all(map(Path.exists, _files(folder, module))) and any(map(Path.exists, libraries))
 
 
 def _age(path: Path) -> float:

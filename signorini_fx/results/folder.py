@@ -143,15 +143,13 @@ class ResultFolder:
             _lock(self._lock)
             self._refuse(manifest.foreign(self.path, self._names))
             manifest.begin_part(self.path)
-        except OutputError:
+        except (OutputError, OSError, ValueError) as error:  # ValueError: a null byte in the path
             self._release()
-            raise
-        except BlockingIOError:
-            self._release()
-            message = "another run is writing it: wait for it, or choose another folder"
-            raise OutputError(f"{self.path}: {message}") from None
-        except (OSError, ValueError) as error:  # ValueError: a null byte in the path
-            self._release()
+            if isinstance(error, OutputError):
+                raise
+            if isinstance(error, BlockingIOError):
+                message = "another run is writing it: wait for it, or choose another folder"
+                raise OutputError(f"{self.path}: {message}") from None
             raise cannot_be_written(self.path, error) from None
 
     def _release(self) -> None:

@@ -189,11 +189,6 @@ class Resultants:
         placed = [number for number, pair in self.conditions.pairs.items() if pair.displaced]
         return boundary.centre + np.where(np.isin(boundary.part, placed)[:, None], 0.0, self._moved[boundary.nodes])
 
-    def _keeps_partners(self, part: int) -> bool:
-        """Whether the points of a contact act at partners that the displacement has moved away from them."""
-        pair = None if self.conditions is None else self.conditions.pairs.get(part)
-        return self.acting.displaced and pair is not None and not pair.displaced
-
     def _at_partners(self, boundary: str, parts: Sequence[int]) -> tuple[Array, Array]:
         """What contacts do to the other body, at its nodes; collective."""
         space, facets = self.displacement.function_space, self.tagged.facets(boundary)
@@ -226,12 +221,12 @@ class Resultants:
                 state = self.contact
                 on_boundary = np.isin(state.boundary.part, parts)
                 forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
-                kept = key == "against" and any(self._keeps_partners(part) for part in parts)
-                by_cause["contact"] = (
-                    self._at_partners(boundary, parts)
-                    if kept
-                    else (self._contact_points[on_boundary], forces[on_boundary])
-                )
+                by_cause["contact"] = self._contact_points[on_boundary], forces[on_boundary]
+                pairs = {} if self.conditions is None else self.conditions.pairs
+                # The displacement has moved partners away from the points.
+                kept = any(part in pairs and not pairs[part].displaced for part in parts)
+                if key == "against" and self.acting.displaced and kept:
+                    by_cause["contact"] = self._at_partners(boundary, parts)
         return by_cause
 
     def _at_nodes(self, boundary: str | None) -> ByCause:

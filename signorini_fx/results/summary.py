@@ -89,13 +89,9 @@ def _step_summary(solution: Solution, findings: list[dict[str, Any]], *, figures
         "status": result.status.value,
         "linear_solves": result.linear_solves,
     }
-    row |= columns_of(solution, findings)
-    return row if figures else {name: _nothing(name, value) for name, value in row.items()}
-
-
-def _nothing(name: str, value: Any) -> Any:
-    """Not a number, in place of a figure of a load step without a solution."""
-    return float("nan") if isinstance(value, float) and name != "time" else value
+    for name, value in columns_of(solution, findings).items():
+        row[name] = value if figures or not isinstance(value, float) else float("nan")
+    return row
 
 
 _HEADER = "solve  outer  iter  contact   slip+   slip-  changed   residual   seconds\n"
@@ -231,7 +227,7 @@ def _listed(pieces: list[dict[str, Any]], limit: int = 4) -> str:
     return "; ".join([one(row) for row in pieces[:limit]] + ["..."] * (len(pieces) > limit))
 
 
-_PACKAGES = ("fenics-dolfinx", "fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
+_PACKAGES = ("fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")
 
 
 def versions() -> dict[str, str]:
@@ -243,7 +239,7 @@ def versions() -> dict[str, str]:
     by_package["dolfinx"] = dolfinx.__version__
     by_package["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
     by_package["mpi"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\x00 ")
-    for package in _PACKAGES[1:]:
+    for package in _PACKAGES:
         try:
             by_package[package.removeprefix("fenics-")] = metadata.version(package)
         except metadata.PackageNotFoundError:

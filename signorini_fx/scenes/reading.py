@@ -62,12 +62,11 @@ def read_scene_text(path: Path) -> str:
     """The text of a scene file."""
     try:
         return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise SceneError([("file", f"cannot be read: {error.strerror}")], str(path)) from None
     except UnicodeDecodeError:
         raise SceneError([("file", "is not a text file (UTF-8)")], str(path)) from None
-    except ValueError as error:  # a null byte in the path
-        raise SceneError([("file", f"cannot be read: {error}")], str(path)) from None
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the path
+        reason = getattr(error, "strerror", None) or error
+        raise SceneError([("file", f"cannot be read: {reason}")], str(path)) from None
 
 
 def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType({})) -> Scene:

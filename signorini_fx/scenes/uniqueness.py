@@ -71,16 +71,17 @@ def _contact_stiffness(model: Model) -> tuple[Nodal, Nodal] | str:
     """The stiffness and the contact map for ``proved_multiple``; or why there is no proof."""
     law, load_step = model.law, model.statement.steps - 1
     assert law is not None
-    for wrong, reason in (
-        # What is an unknown as well the stiffness takes as fixed.
-        *((True, f"not tried where {clause}") for _, clause in refused_by(model.statement, _NOT_TRIED)),
-        (model.statement.tightens(load_step), "not tried where a force determines the shortening of a section"),
-        (law.ends_open is not None, "where a point opens, its friction ends with a jump"),
-        (bool(law.laws), law.unknown),
-        (model.comm.size > 1, "the proof is for one rank"),
-    ):
-        if wrong:
-            return reason
+    # What is an unknown as well the stiffness takes as fixed.
+    for _, clause in refused_by(model.statement, _NOT_TRIED):
+        return f"not tried where {clause}"
+    if model.statement.tightens(load_step):
+        return "not tried where a force determines the shortening of a section"
+    if law.ends_open is not None:
+        return "where a point opens, its friction ends with a jump"
+    if law.laws:
+        return law.unknown
+    if model.comm.size > 1:
+        return "the proof is for one rank"
     elasticity = model.elasticity([])
     operator = elasticity.contact.operator
     starts, columns, values = operator.getValuesCSR()
