@@ -20,7 +20,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.linearised import State
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
-from signorini_fx.forms.nonlinear.moving_shapes import not_driven
+from signorini_fx.forms.nonlinear.moving_shapes import fitting
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.nonlinear.results import ResidualBody
 from signorini_fx.forms.solver import StepBeginning
@@ -109,8 +109,7 @@ class ProblemOfScene(NonlinearContactProblem):
         facets = boundary_facets(statement, tagged)
         on = [facets[entry.boundary] for entry in statement.contact]
         masters = {k: facets[entry.against] for k, entry in enumerate(statement.contact) if entry.against is not None}
-        _refuse_turning(statement, tagged.dimension)
-        drives = _drives_at(statement, tagged.dimension, -1.0)
+        drives = _drives_at(statement, tagged.dimension, statement.steps - 1)  # of which some may not be possible
         begins = foundations_of(statement.placed(0), on, masters)
         contact = [replace(entry, shape=drives[k]) if k in drives else entry for k, entry in enumerate(begins)]
         timed = [k for k, entry in enumerate(statement.contact) if entry.friction.timed]
@@ -201,9 +200,9 @@ class ProblemOfScene(NonlinearContactProblem):
             function.x.array[:] = values[dofs]
         self._move(self.statement.placed(path_step))
         for number, shape in _drives_at(self.statement, self.model.tagged.dimension, path_step).items():
-            moving = self.shapes[number]
+            moving, dimension = self.shapes[number], self.model.tagged.dimension
             carried = {"shift": moving.shape.shift, "rotation": moving.shape.rotation}
-            moving.shape = shape.model_copy(update=carried)
+            moving.shape = fitting(number, shape.model_copy(update=carried), dimension, turns=moving.turns)
 
     def reached(self) -> ReachedStep:
         """The load step that has just ended."""
@@ -294,17 +293,6 @@ def _with_sides_of(statement: Statement, body: Statement) -> Statement:
 def _at_its_time(friction: Any) -> Any:
     """A friction law at a time, with functions of the place alone in place of expressions of the time."""
     return friction.with_values(lambda _, value: partial(sample, value) if getattr(value, "timed", False) else value)
-
-
-def _refuse_turning(statement: Statement, dimension: int) -> None:
-    """Refuse tools that turn as none can."""
-    turns = ~statement.kinematics_in(dimension).unbalanced  # what these are is zero
-    for number, contact in enumerate(statement.contact):
-        if (shape := contact.tool) is None or not shape.drives:
-            continue
-        held = {name: 0.0 for name, zero in zip(COMPONENTS[dimension], turns, strict=True) if zero}
-        if wrong := not_driven(shape.model_copy(update={"prescribed": held | (shape.prescribed or {})}), dimension):
-            raise SceneError([(f"contact[{number}].foundation.{wrong[0]}", wrong[1])])
 
 
 def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[int, Any]:
