@@ -31,6 +31,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.contact_points.contact_boundary import (
     ContactBoundary,
+    block_diagonal,
     contact_map,
 )
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
