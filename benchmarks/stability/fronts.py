@@ -38,7 +38,7 @@ from signorini_fx import (
     solve,
 )
 from signorini_fx.extensions import LAWS, register
-from signorini_fx.mechanics.assembly.quadrature import strain_degree
+from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics.protocol import AXISYMMETRIC
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh

@@ -25,6 +25,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, facet_nodes, marked_nodes
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
@@ -178,22 +179,22 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]])
         FormError: the law has another shape, is known at points of quadrature alone, or some strain has no stress.
     """
     mesh = y.function_space.mesh
-    kinematics, full_stress = CARTESIAN[mesh.geometry.dim], law(y)
-    dim = kinematics.dimension
+    dim, full_stress = mesh.geometry.dim, law(y)
     if not hasattr(full_stress, "ufl_shape") or full_stress.ufl_shape not in ((dim, dim), (3, 3)):
         shape = getattr(full_stress, "ufl_shape", "none")
         raise FormError([("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")])
     if _by_quadrature(full_stress):
         raise FormError([("stress", "has a Function of a quadrature element, which has no values at other points")])
-    outward = full_stress[2, 2] if full_stress.ufl_shape[0] > dim else None
+    known = full_stress.ufl_shape[0] == 3  # else that out of the plane is not
+    kinematics = CARTESIAN[dim] if known else PLANE_STRESS
+    sigma = padded(full_stress, dim, full_stress[2, 2] if known else 0)
     moduli = cellwise_moduli(_energy_by(law, law(fem.Function(y.function_space))), y.function_space)
-    sigma = ufl.as_matrix([[full_stress[i, j] for j in range(dim)] for i in range(dim)])
     try:
         shear_modulus = None
         if (lame := isotropic_moduli(moduli, dim, mesh)) is not None:
             shear_modulus = fem.Function(fem.functionspace(mesh, ("DG", 0)))
             shear_modulus.x.array[:] = lame[1]
-        return replace(cellwise_stress(y, kinematics, sigma, outward, moduli, shear_modulus), parts=parts)
+        return replace(cellwise_stress(y, kinematics, sigma, moduli, shear_modulus), parts=parts)
     except np.linalg.LinAlgError:
         raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
 

@@ -1,14 +1,15 @@
 """The stress of a solution: its tensor, the von Mises stress, principal stresses, and where they are largest.
 
 There are two of it: the raw stress of each cell, and the recovered one, which is continuous in each material.  Their
-difference says what both are worth.
+difference says what both are worth.  Of nonlinear bodies nothing is recovered; their extremes are those at the points
+of quadrature, where the material is.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +24,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
+from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.model import Model
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.equilibrium import Balance
@@ -72,8 +74,16 @@ class StressFields:
 
     @cached_property
     def tensor(self) -> fem.Function:
-        """Sigma with all components in 3D."""
-        raise NotImplementedError
+        """Sigma with all components in 3D, also in 2D, where (2, 2) is that of the hypothesis; a stress, shape (3, 3).
+
+        The raw one is discontinuous and of the degree of the element, of a nonlinear body of one degree less; the
+        recovered one has degree 1 and is discontinuous between materials.
+        """
+        if isinstance(self.stress.in_space, fem.Function):
+            return self.stress.in_space
+        space = self.stress.displacement.function_space
+        tensor_space = fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (3, 3)))
+        return interpolated(self.stress.in_space, tensor_space, "stress")
 
     @cached_property
     def von_mises(self) -> fem.Function:
@@ -134,32 +144,36 @@ class StressFields:
             "largest_principal": self.largest("principal", 0),
             "smallest_principal": self.smallest(),
         }
-        if self.stress.outward is not None:
+        if self.tensor.function_space.mesh.topology.dim == 2 and (2, 2) in self.stress.kinematics.stressed:
             extremes |= {"largest_zz": self.largest("zz"), "smallest_zz": self.smallest("zz")}
         return extremes
 
     def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
         check_has_extremes(field)
-        function: fem.Function = self.component(field) if field in COMPONENTS else getattr(self, field)
-        return self._extreme_of(function, min(component, function.function_space.dofmap.bs - 1), sign=sign)
+        sampled = self._sampled()
+        if field in COMPONENTS:
+            values = sampled[:, *COMPONENTS[field]]
+        else:
+            values = von_mises_of(sampled) if field == "von_mises" else principal_of(sampled)[:, component]
+        return self._extreme_of(values, sign)
 
-    def _extreme_of(self, function: fem.Function, component: int = 0, *, sign: float = 1.0) -> Extreme:
-        space = function.function_space
-        values = function.x.array.reshape(-1, space.dofmap.bs)[: space.dofmap.index_map.size_local, component]
-        x = node_positions(space)[:, : space.mesh.topology.dim]
-        cells = space.dofmap.list
+    def _sampled(self) -> Nodal:
+        """The tensor where extremes are sought, shape (n, 3, 3)."""
+        return self._nodal()[: self.tensor.function_space.dofmap.index_map.size_local]
+
+    def _extreme_of(self, values: Nodal, sign: float = 1.0) -> Extreme:
+        """Of values at the same points; collective."""
+        space = self.tensor.function_space
+        x, cells = node_positions(space)[:, : space.mesh.topology.dim], space.dofmap.list
         return extreme_at(space.mesh, values, x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0], sign)
 
     def utilised(self, limit: fem.Function) -> Extreme:
         """Where the von Mises stress is the largest share of a limit; ``limit``: a stress of each cell, a function of
         degree 0, infinite where there is none; collective.
         """
-        stress = self.von_mises
-        share = fem.Function(stress.function_space)
-        cells = stress.function_space.dofmap.list
-        of_each_cell = limit.x.array[limit.function_space.dofmap.list[:, 0]]
-        share.x.array[cells] = stress.x.array[cells] / of_each_cell[:, None]
-        return self._extreme_of(share)
+        cells, share = self.von_mises.function_space.dofmap, self.von_mises.x.array.copy()
+        share[cells.list] /= limit.x.array[limit.function_space.dofmap.list]
+        return self._extreme_of(share[: cells.index_map.size_local])
 
     def _nodal(self) -> Nodal:
         """The tensor at the points of its function space on this rank, shape (n, 3, 3)."""
@@ -176,6 +190,40 @@ class StressFields:
         return function
 
 
+@dataclass(frozen=True)
+class PointStress:
+    """The Cauchy stress of nonlinear materials at the points of quadrature of the cells that this rank owns; at small
+    strains the stress.
+
+    Attributes:
+        points, weights: of the reference cell, shapes (q, t) and (q,).
+        x: undeformed, length, shape (c, q, t).
+        stress: tension positive, shape (c, q, 3, 3).
+        plastic: the accumulated plastic strain, shape (c, q); None: there is none.
+    """
+
+    points: Nodal
+    weights: Nodal
+    x: Nodal
+    stress: Nodal
+    plastic: Nodal | None = None
+
+    def on_cells(self, values: Nodal, mesh: dmesh.Mesh, degree: int, name: str) -> fem.Function:
+        """The polynomials in cells that are nearest to values at the points, of numbers, shape (c, q), no less or more
+        than these; collective.
+        """
+        function = fem.Function(fem.functionspace(mesh, ("DG", degree, values.shape[2:])), name=name)
+        space, rows = function.function_space, values.reshape(*self.x.shape[:2], math.prod(values.shape[2:]))
+        coefficients = through_points(space.element.basix_element, self.points, self.weights)
+        assert coefficients is not None
+        fitted = np.einsum("nq,cqm->cnm", coefficients, rows)
+        if values.ndim == 2:
+            fitted = np.clip(fitted, rows.min(axis=1, keepdims=True), rows.max(axis=1, keepdims=True))
+        function.x.array.reshape(-1, rows.shape[2])[space.dofmap.list[: len(rows)]] = fitted
+        function.x.scatter_forward()
+        return function
+
+
 @dataclass(frozen=True, repr=False)
 class RawStresses(StressFields):
     """The stress of a displacement in each cell.
@@ -185,6 +233,7 @@ class RawStresses(StressFields):
 
     Attributes:
         projects: makes what projects; None: that of a nonlinear body, which is not recovered.
+        at_points: of a nonlinear body at the points of quadrature, where its extremes are; None: they are at nodes.
         place: of the load step in the lists of factors, see ``statement.load_path``.
         shared: where what projects is kept for other displacements.
         model: the body of a scene; None: the forms alone are known.
@@ -196,6 +245,7 @@ class RawStresses(StressFields):
     shared: dict[str, StressRecovery] = field(default_factory=dict)
     model: Model | None = field(default=None, kw_only=True)
     balance: Callable[[], Balance] | None = field(default=None, kw_only=True)
+    at_points: PointStress | None = field(default=None, kw_only=True)
 
     @property
     def recovers(self) -> bool:
@@ -224,34 +274,51 @@ class RawStresses(StressFields):
         y = self.stress.displacement.x.array.reshape(-1, balance.surface.dimension)
         return balance.strain_energy(balance.works(y[: balance.surface.owned]))
 
-    @property
+    @cached_property
     def plastic_strain(self) -> fem.Function | None:
-        """The accumulated (equivalent) plastic strain, a function of degree k - 1 in each cell; None: there is none."""
-        return None
+        """The accumulated (equivalent) plastic strain, a function of degree k - 1 in each cell within the values at its
+        points; None: there is none.
+        """
+        if self.at_points is None or self.at_points.plastic is None:
+            return None
+        space = self.tensor.function_space
+        degree = space.element.basix_element.degree
+        return self.at_points.on_cells(self.at_points.plastic, space.mesh, degree, "plastic_strain")
 
     def plastic_extreme(self) -> dict[str, Any] | None:
         """The largest one at the points of quadrature, where, and the region of its material, if there are several,
         JSON-safe; None: there is none; collective.
         """
-        return None
+        if self.at_points is None or self.at_points.plastic is None:
+            return None
+        return self._told(self._extreme_of(self.at_points.plastic.ravel()))
 
     @cached_property
-    def tensor(self) -> fem.Function:
-        """Sigma with all components in 3D, also in 2D, where (2, 2) is that of the hypothesis; a stress,
-        shape (3, 3), discontinuous and of the degree of the element.
-        """
-        space = self.stress.displacement.function_space
-        tensor_space = fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (3, 3)))
-        return interpolated(self.stress.in_space, tensor_space, "stress")
+    def recovered(self) -> StressFields:
+        """The stress projected onto the functions of degree 1 that are continuous in each material, with the same
+        fields.
 
-    @cached_property
-    def recovered(self) -> RecoveredStresses:
-        """The stress that is continuous in each material, with the same fields.
+        Inside the body it is smoother than the raw stress and often more accurate; at the boundary, where cells are on
+        one side only, it need not be; peaks that are narrower than a cell are smoothed away.
 
         Raises:
             RuntimeError: that of a nonlinear body.
         """
-        return RecoveredStresses(self.stress, self.recovery, self.place)
+        mesh = self.stress.displacement.function_space.mesh
+        tensor = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
+        values, nodes = tensor.x.array.reshape(-1, 3, 3), tensor.function_space.dofmap.list
+        for cells, components in self.recovery.smoothed(self.stress.displacement, self.place):
+            values[nodes[cells]] = tensors(components, self.stress.kinematics.stressed)
+        return StressFields(replace(self.stress, in_space=tensor))
+
+    def _sampled(self) -> Nodal:
+        return super()._sampled() if self.at_points is None else self.at_points.stress.reshape(-1, 3, 3)
+
+    def _extreme_of(self, values: Nodal, sign: float = 1.0) -> Extreme:
+        if self.at_points is None:
+            return super()._extreme_of(values, sign)
+        x, mesh = self.at_points.x, self.tensor.function_space.mesh
+        return extreme_at(mesh, values, x.reshape(-1, x.shape[2]), lambda at: at // x.shape[1], sign)
 
     @cached_property
     def error(self) -> float | None:
@@ -384,37 +451,6 @@ def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:
     return None if at < 0 else parts[at]
 
 
-@dataclass(frozen=True, repr=False)
-class RecoveredStresses(StressFields):
-    """The stress of a displacement, projected onto the functions of degree 1 that are continuous in each material.
-
-    Inside the body it is smoother than the raw stress and often more accurate; at the boundary, where cells are on one
-    side only, it need not be; peaks that are narrower than a cell are smoothed away.
-
-    Attributes:
-        recovery: what projects.
-        place: see ``RawStresses``.
-    """
-
-    recovery: StressRecovery
-    place: float = 0.0
-
-    @cached_property
-    def tensor(self) -> fem.Function:
-        """Sigma with all components in 3D, shape (3, 3), of degree 1, discontinuous between materials."""
-        stress = self.stress
-        mesh = stress.displacement.function_space.mesh
-        function = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
-        values = function.x.array.reshape(-1, 3, 3)
-        smoothed = self.recovery.smoothed(stress.displacement, self.place)
-        for cells, components in smoothed:
-            sigma = stress.kinematics.tensors(components)
-            if components.shape[-1] > len(stress.kinematics.pairs):
-                sigma[..., 2, 2] = components[..., -1]
-            values[function.function_space.dofmap.list[cells]] = sigma
-        return function
-
-
 def interpolated(expression: Any, space: fem.FunctionSpace, name: str = "f") -> fem.Function:
     """A UFL expression of the shape of the space, interpolated into it; collective."""
     function = fem.Function(space, name=name)
@@ -422,3 +458,13 @@ def interpolated(expression: Any, space: fem.FunctionSpace, name: str = "f") -> 
         compiled = fem.Expression(expression, compat.interpolation_points(space.element), dtype=default_scalar_type)
     function.interpolate(compiled)
     return function
+
+
+def through_points(element: Any, points: Nodal, weights: Nodal) -> Nodal | None:
+    """What takes values at points of a reference cell to the coefficients of the nearest function of a Lagrange
+    element, shape (n, q); None: the points do not determine it; ``element``: of basix, with n functions; ``points``:
+    shape (q, t); ``weights``: shape (q,).
+    """
+    root = np.sqrt(weights)[:, None]
+    basis = root * element.tabulate(0, points)[0, :, :, 0]
+    return np.asarray(np.linalg.pinv(basis) * root.T) if np.linalg.matrix_rank(basis) == basis.shape[1] else None

@@ -39,9 +39,10 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.mechanics import StepResult, acting_on
-from signorini_fx.results.nonlinear_stresses import NonlinearForces, NonlinearStresses, StatesOnPath
+from signorini_fx.results.nonlinear_stresses import NonlinearForces, nonlinear_stresses
 from signorini_fx.results.resultants import ActingForces
 from signorini_fx.results.solution import ConvergenceError, Solution
+from signorini_fx.results.stresses import RawStresses
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
@@ -165,12 +166,12 @@ class ProblemOfScene(NonlinearContactProblem):
         solution = self.titled(self.statement.title)
         body: dict[str, Any] = {field.name: getattr(solution.model, field.name) for field in fields(solution.model)}
         body |= {"statement": self.statement, "tagged": self.model.tagged}
-        states = StatesOnPath(NonlinearForces(self.statement, self.model.tagged, self.model.space))
+        forces = NonlinearForces(self.statement, self.model.tagged, self.model.space)
         known = nonlinear_findings(self.statement, self.model)
         apart = () if failures else untouched(self.model.comm, solution.steps)
         findings = (*failures, *known, *self.findings, *apart)
         named = tuple(map(self._named, solution.steps))
-        model = BodyOfScene(**body, states=states)
+        model = BodyOfScene(**body, forces=forces)
         return replace(solution, model=model, steps=named, timings=self.timings, found=lambda: findings)
 
     @property
@@ -227,7 +228,7 @@ class ProblemOfScene(NonlinearContactProblem):
         place of now, forces of shape (owned dofs,); collective.
         """
         anew = NonlinearForces(statement, self.model.tagged, self.model.space)
-        return -anew.residual(displacement, {}, self.path_step)
+        return -anew.residual(displacement, self.path_step)
 
     def _too_large(self) -> str:
         """Where all strains are small ones, so must the deformation be."""
@@ -266,19 +267,19 @@ class BodyOfScene(ResidualBody):
     """A body whose loads and supports have names, and whose materials say its stress.
 
     Attributes:
-        states: of the materials, with what evaluates the forces of materials and loads.
+        forces: evaluates the forces and the stress of materials, and the forces of loads.
     """
 
-    states: StatesOnPath
+    forces: NonlinearForces
 
-    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> NonlinearStresses:
+    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
         path = [(load_step.displacement, load_step.place) for load_step, _ in self.ends]
         last = next((number for number, (displacement, _) in enumerate(path) if displacement is y), None)
-        return NonlinearStresses.of(self, self.states, [(y, step)] if last is None else path[: last + 1])
+        return nonlinear_stresses(self, self.forces, [(y, step)] if last is None else path[: last + 1])
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         """At small strains moments balance at the undeformed points."""
-        anew, displaced = self.states.forces, self.statement.finite_strains
+        anew, displaced = self.forces, self.statement.finite_strains
         balance = replace(self.balance(y, step), supports=anew.prescribed(step))
         return acting_on(anew, balance, y, step, anew.of_followers(y, step), displaced=displaced)
 

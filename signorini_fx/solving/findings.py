@@ -477,7 +477,7 @@ def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
             a foundation moves although contact alone holds the linear body.
         InstallationError: the scene asks for a proof by an add-on that is not installed.
     """
-    if model.elastic.pressed and model.elastic.encloses(model.vector, model.prescribed):
+    if model.mixed is not None and model.mixed.encloses(model.vector, model.prescribed):
         reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"
         raise SceneError([("displacement", reason)])
     if model.boundary is not None:

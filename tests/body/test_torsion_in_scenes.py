@@ -8,7 +8,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import ContactProblem, ConvergenceError, Coulomb, Foundation, SceneError, Tresca
-from signorini_fx.mechanics.assembly.quadrature import strain_degree
+from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
 from signorini_fx.mechanics.kinematics import TORSION
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Status

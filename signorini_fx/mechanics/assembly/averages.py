@@ -1,7 +1,7 @@
 """How contact points average the displacement around them.
 
 Most take that of their node.  Elements without a positive rule at their nodes need averages: the basis functions of the
-vertices of a quadratic triangle integrate to zero, so that ``quadrature.nodal_rule`` gives them no weight.  There the
+vertices of a quadratic triangle integrate to zero, so that ``nodal_rule`` gives them no weight.  There the
 contact points are the vertices alone, and
 
     w_i = (psi_i, 1),    y_i = (psi_i, y) / w_i

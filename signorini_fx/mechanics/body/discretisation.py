@@ -22,7 +22,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law, moduli_of
+from signorini_fx.mechanics.elasticity.moduli import moduli_of
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.initial_strains import holds, jump_loads, jumps_in
 from signorini_fx.mechanics.loads.load_vectors import (
@@ -31,6 +31,7 @@ from signorini_fx.mechanics.loads.load_vectors import (
     check_finite,
     compile_resistance,
     driving_load,
+    elastic_law,
     load_groups,
 )
 from signorini_fx.mechanics.loads.supports import Supports, at_rest, check_overlap

@@ -35,7 +35,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
     contact_map,
 )
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw, embedding
+from signorini_fx.mechanics.elasticity.elastic_law import embedding
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, with_more_unknowns
@@ -74,11 +74,11 @@ class ElasticBody:
         settings: how it is to be solved.
         kinematics: of the displacement; which motions have no strain in forms of a user's own, these say themselves.
         compressible: whether the material is far enough from incompressible for multigrid.
-        elastic: the law that ``terms`` are of, and its unknowns beside the displacement.
+        elastic: the ``SceneLaw`` that ``terms`` are of; None: forms of a user's own.
         beside: what a(., .) has beside ``terms``; None: nothing.
         relative: forces of the k unknowns of rigid bodies at the contact points, and on these themselves, beside
             a(., .) and springs, force per length, shapes (n, d, k) and (k, k), symmetric; None: nothing.
-        definite: whether a(., .) is positive semi-definite, as far as ``elastic`` is.
+        definite: whether a(., .) is positive semi-definite but for a pressure as an unknown.
         symmetric: whether a(., .) is symmetric; else it is not definite.
         far: which contact points are not expected to touch, shape (n,), and a displacement that tells where they are;
             None: any of them may.
@@ -98,7 +98,7 @@ class ElasticBody:
     settings: SolverSettings
     kinematics: Kinematics
     compressible: bool = True
-    elastic: ElasticLaw = field(default_factory=ElasticLaw)
+    elastic: Any = None
     beside: NodalStiffness | None = None
     relative: tuple[Array, Array] | None = None
     definite: bool = True
@@ -177,12 +177,12 @@ class ElasticBody:
             retained = self.dimension * int(np.unique(reached).size)
             everywhere: Any = self.boundary.points.everywhere
             held = at_contact.held_by(everywhere, everywhere)
-        if not self.elastic.pressed:
+        if self.mixed is None:
             definite = self.definite
             return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible, definite=definite)
         touched = self.prescribed.copy()
         touched[_touched(self.contact)] = True
-        enclosed = retained > 0 and self.elastic.encloses(self.vector, touched)
+        enclosed = retained > 0 and self.mixed.encloses(self.vector, touched)
         return SystemSize(self.comm, self.dofs, across, retained, held, False, definite=False, enclosed=enclosed)
 
     @shared_in("of_body")
@@ -191,7 +191,9 @@ class ElasticBody:
         if self._fit_for_blocks:
             from signorini_fx.mechanics.assembly.nodal_stiffness import block_stiffness
 
-            return self.elastic.joined(block_stiffness(self.forms, self.fixed, self.beside), None, None, self.fixed)
+            stiffness = block_stiffness(self.forms, self.fixed, self.beside)
+            stiffness.setOption(PETSc.Mat.Option.SPD, True)
+            return stiffness, None, None
         owned, turned, boundary = self.space.dofmap.index_map.size_local, self.turned, self.boundary
         stiffness = sum_of(self.forms, self.bcs if turned is None else [])
         if self.beside is not None:
@@ -215,7 +217,10 @@ class ElasticBody:
         # In any unit it is neither small nor large beside the other entries.
         values[fixed] = parallel.largest(self.comm, values) or 1.0
         stiffness.setDiagonal(diagonal)
-        return self.elastic.joined(stiffness, rotation, turning, fixed)
+        if self.mixed is not None:
+            return self.mixed.joined(stiffness, rotation, fixed)
+        stiffness.setOption(PETSc.Mat.Option.SPD, True)
+        return stiffness, rotation, turning
 
     def _add_relative(self, stiffness: PETSc.Mat) -> None:
         """Add ``relative`` to a stiffness without the rows and columns of what is prescribed; collective."""
@@ -256,7 +261,7 @@ class ElasticBody:
     def _fit_for_blocks(self) -> bool:
         """Whether a Krylov method with multigrid will solve for contact, for which a stiffness by blocks is faster."""
         boundary = self.boundary
-        if boundary is None or boundary.moving is not None or self.turned is not None or self.elastic.pressed:
+        if boundary is None or boundary.moving is not None or self.turned is not None or self.mixed is not None:
             return False
         if self.beside is not None and self.beside.joint:
             return False
@@ -265,6 +270,11 @@ class ElasticBody:
         # Nothing that resists is assembled yet: without it more motions are free, and contact holds them or not.
         at_contact = self._supported.joined(boundary).at(boundary)
         return choose_kind(self.system_size(at_contact), self.settings.linear_algebra)[0] == "krylov"
+
+    @property
+    def mixed(self) -> Any:
+        """The law with a pressure as an unknown; None: there is none."""
+        return self.elastic if self.elastic is not None and self.elastic.pressed else None
 
     @property
     def _rigid(self) -> int:
@@ -281,8 +291,7 @@ class ElasticBody:
     @property
     def prescribed(self) -> npt.NDArray[np.bool_]:
         """Which unknowns of the stiffness this rank has prescribed: ``fixed``, and on the last one of rigid bodies."""
-        pressure = np.zeros(self.elastic.count, dtype=bool)
-        return np.concatenate((self._held, pressure)) if pressure.size else self._held
+        return self._held if self.mixed is None else np.pad(self._held, (0, self.mixed.count))
 
     @property
     def is_assembled(self) -> bool:
@@ -302,13 +311,13 @@ class ElasticBody:
     @shared_in("of_contact")
     def contact(self) -> ContactMap:
         """B from the unknowns of the stiffness."""
-        behind = self.comm.bcast(self.elastic.count, root=self.comm.size - 1) if self.elastic.pressed else 0
+        behind = 0 if self.mixed is None else self.comm.bcast(self.mixed.count, root=self.comm.size - 1)
         return contact_map(self.boundary, self.prescribed, self.stiffness, self.rotation, self.dimension, behind)
 
     def level(self, coarser: MeshLevel | None = None) -> MeshLevel:
         """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""
         dimension, (least, greatest) = self.dimension, FINER_LEVELS
-        alone = not self.elastic.pressed and (self.boundary is None or self.boundary.moving is None)
+        alone = self.mixed is None and (self.boundary is None or self.boundary.moving is None)
         stiffness = self.stiffness if alone else None
         level = MeshLevel(self.space, self.fixed, self._assembled[2], self.motions, coarser, stiffness)
         while level.coarser is not None and level.dofs < least**dimension * level.coarser.dofs:
@@ -321,7 +330,7 @@ class ElasticBody:
         """What linear algebra needs to know of the body; ``coarser``: coarser meshes for multigrid."""
         free = self.motions.free.shape[1]
         of = self.stiffness, cases, self.contact, free, self.level(coarser)
-        definite = self.definite and not self.elastic.pressed
+        definite = self.definite and self.mixed is None
         far = None if self.far is None or free else FarPoints(self.far[0], self.unknowns(self.far[1]))
         symmetric, eliminated = self.symmetric, self.eliminated
         return Elasticity(
@@ -348,7 +357,8 @@ class ElasticBody:
             free = self.vector(self.motions.of_pieces(nearest)).getArray(readonly=True)
             start.getArray()[~self.prescribed] = free[~self.prescribed]
         load, fixed = self.vector(lifted), self.prescribed
-        load.getArray()[self._held.size :] = self.elastic.lifted(prescribed, pressure_load)
+        if self.mixed is not None:
+            load.getArray()[self._held.size :] = self.mixed.lifted(prescribed, pressure_load)
         if driven is not None:
             rigid = slice(self.fixed.size, self._held.size)
             start.getArray()[rigid], load.getArray()[rigid] = driven.motion[: self._rigid], driven.forces[: self._rigid]
@@ -417,7 +427,9 @@ class ElasticBody:
 
     def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
         """The finite element function with the unknowns ``x``."""
-        function = self.elastic.displacement(self.space, x.getArray(readonly=True)[self._held.size :], name)
+        function = fem.Function(self.space, name=name)
+        if self.mixed is not None:
+            function = self.mixed.displacement(x.getArray(readonly=True)[self._held.size :], name)
         if self.rotation is not None:
             y = self.rotation.createVecLeft()
             self.rotation.mult(x, y)
@@ -455,7 +467,7 @@ class ElasticBody:
 
     def forces_where_free(self, displacement: fem.Function) -> Array:
         """``forces_of`` where nothing is prescribed, by the stiffness: cheaper than an integration over all cells."""
-        if self.rotation is not None or self.elastic.pressed:
+        if self.rotation is not None or self.mixed is not None:
             return self.forces_of(displacement)
         y = self.vector(displacement.x.array)
         product = y.duplicate()
@@ -472,13 +484,16 @@ class ElasticBody:
         """Sqrt(a(y, y)) of a displacement, with what is prescribed."""
         y = self.function(x)
         forces = self.forces_of(y)
-        twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size])) + self.elastic.energy(y)
+        twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size]))
+        if self.mixed is not None:
+            twice += self.mixed.energy(y)
         return float(np.sqrt(max(0.0, twice)))
 
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
         """The unknowns x of a finite element function, the inverse of ``function``."""
         x = self.vector(function.x.array)
-        x.getArray()[self._held.size :] = self.elastic.unknowns(function)
+        if self.mixed is not None:
+            x.getArray()[self._held.size :] = self.mixed.unknowns(function)
         return x
 
     def vector(self, values: Array) -> PETSc.Vec:

@@ -25,9 +25,9 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx.mechanics.assembly.mesh_entities import measure as surface_measure
-from signorini_fx.mechanics.assembly.quadrature import strain_degree
+from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
 from signorini_fx.mechanics.elasticity.moduli import reduced_degree
-from signorini_fx.mechanics.kinematics.protocol import Kinematics, position
+from signorini_fx.mechanics.kinematics.protocol import Kinematics, components, position, tensors
 from signorini_fx.mechanics.loads.follower_pressure import Followers, following, without_followers
 from signorini_fx.mechanics.loads.initial_strains import initial_strain
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
@@ -110,21 +110,13 @@ class MaterialPoints:
         """What the material says at the displacement of now, see ``PathDependent.respond``, n = c q."""
         domain, (cells, points, numbers) = self.stress.function_space.mesh, self.begun.shape
         values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(self.strained))
-        strain = tensors(values, self.strained)
+        values[:, np.array(self.strained) > 2] /= 2
+        strain = tensors(values, [PAIRS[pair] for pair in self.strained])
         return self.material.at_time(self.time).respond(strain, self.begun.reshape(-1, numbers))
 
     def commit(self) -> None:
         """A load step ends."""
         self.begun = self.current
-
-
-def tensors(components: Array, pairs: Sequence[int]) -> Array:
-    """Strains from components whose shear is twice epsilon_ij, shape (n, len(pairs)), as (n, 3, 3)."""
-    strain = np.zeros((len(components), 3, 3))
-    for column, pair in zip(components.T, pairs, strict=True):
-        i, j = PAIRS[pair]
-        strain[:, i, j] = strain[:, j, i] = column if i == j else column / 2
-    return strain
 
 
 @dataclass(frozen=True)
@@ -195,20 +187,19 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
             energies += [energy * around * d for energy, d in zip(parts_of_energy, (shape, volume), strict=False)]
             continue
         bulk, shear = _constants(material)
-        strain = _small(kinematics, u)
+        strain, tested, tried = (kinematics.strain(y) for y in (u, v, du))
         if free is not None:
             strain -= free * ufl.Identity(3)
-        work = bulk * ufl.tr(strain) * ufl.tr(_small(kinematics, v)) * around * volume
-        change = bulk * ufl.tr(_small(kinematics, du)) * ufl.tr(_small(kinematics, v)) * around * volume
+        work, change = (bulk * ufl.tr(one) * ufl.tr(tested) * around * volume for one in (strain, tried))
         if isinstance(material, PathDependent):
             state = _points(material, owned, kinematics, space, strain, full)
             points.append(state)
-            tested, tried = (_components(_small(kinematics, y), state.pairs) for y in (v, du))
+            tested, tried = (_components(one, state.pairs) for one in (tested, tried))
             work = ufl.inner(state.stress, tested) * around * shape + work
             change = ufl.inner(ufl.dot(state.tangent, tried), tested) * around * shape + change
         else:
-            work += 2 * shear * ufl.inner(ufl.dev(strain), _small(kinematics, v)) * around * shape
-            change += 2 * shear * ufl.inner(ufl.dev(_small(kinematics, du)), _small(kinematics, v)) * around * shape
+            work += 2 * shear * ufl.inner(ufl.dev(strain), tested) * around * shape
+            change += 2 * shear * ufl.inner(ufl.dev(tried), tested) * around * shape
         forms.append(work)
         tangents.append(change)
     if energies:
@@ -232,7 +223,7 @@ def stress_parts(material: Any, u: fem.Function, kinematics: Kinematics, free: A
     """
     identity = ufl.Identity(3)
     if not material.finite:
-        (bulk, shear), strain = _constants(material), _small(kinematics, u)
+        (bulk, shear), strain = _constants(material), kinematics.strain(u)
         if free is not None:
             strain -= free * identity
         of_shape = None if isinstance(material, PathDependent) else 2 * shear * ufl.dev(strain)
@@ -259,15 +250,8 @@ def _constants(material: Any) -> tuple[float, float]:
     return linear.young / (3 * (1 - 2 * linear.poisson)), linear.young / (2 * (1 + linear.poisson))
 
 
-def _small(kinematics: Kinematics, y: Any) -> Any:
-    """The linearised strain in 3D, UFL, shape (3, 3)."""
-    return ufl.sym(kinematics.gradient(y))
-
-
 def _components(strain: Any, pairs: Sequence[int]) -> Any:
-    """Components of a strain, of shear twice epsilon_ij, UFL."""
-    places = [PAIRS[pair] for pair in pairs]
-    return ufl.as_vector([strain[i, j] if i == j else 2 * strain[i, j] for i, j in places])
+    return components(strain, [PAIRS[pair] for pair in pairs])
 
 
 def _points(

@@ -1,6 +1,6 @@
 """The contact boundary: its nodes with weights and directions, the traces tau_N y and tau_T y, and the map B to them.
 
-With the nodal rule of ``assembly.quadrature`` the products on Gamma_c are sums over nodes,
+With the nodal rule of ``mesh_entities`` the products on Gamma_c are sums over nodes,
 (lambda, tau_N z) = sum_i w_i lambda_i n_i . z_i.  A node belongs to the rank that owns its degrees of freedom.  A node
 of two contact boundaries has two entries, one for each normal.  Where nodes have no such rule the contact points are
 the vertices, at which z_i is an average (``averages.py``).
@@ -27,8 +27,15 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, averaging
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_nodes, measure, node_positions
-from signorini_fx.mechanics.assembly.quadrature import lumped_degree, nodal_rule
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    assemble,
+    compile_form,
+    facet_nodes,
+    lumped_degree,
+    measure,
+    nodal_rule,
+    node_positions,
+)
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.mechanics.laws.directed import FrictionAxes

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -34,7 +34,7 @@ from signorini_fx.errors import needs_fenicsx
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, embedding, within
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, embedding
 from signorini_fx.mechanics.elasticity.moduli import graded, of_materials
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.tuned import NOTHING_LEFT
@@ -155,19 +155,26 @@ class MixedLaw(SceneLaw):
 
     @property
     def count(self) -> int:
+        """Unknowns of the pressure that this rank owns."""
         return int(self.own.dofmap.index_map.size_local) * self._materials
 
     @cached_property
     def forms(self) -> tuple[fem.Form, ...]:
         """The compiled forms of A, B and -C."""
-        terms = self._terms(ufl.TrialFunction(self.space), ufl.TestFunction(self.space), ufl.TrialFunction(self.own))
+        trial = ufl.TrialFunction(self.space)
+        terms = *self.terms(trial, ufl.TestFunction(self.space)), *self._constraint(trial, ufl.TrialFunction(self.own))
         return tuple(map(compile_form, terms))
 
     def compiled(self, space: fem.FunctionSpace) -> tuple[fem.Form, ...]:
         return self.forms[:1]
 
-    def _terms(self, y: Any, z: Any, p: Any) -> tuple[Any, ...]:
-        """A, B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in multiples of a unit.
+    def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
+        """Without the pressure."""
+        return [(2 * self.moduli[0] * strain, None)]
+
+    def _constraint(self, y: Any, p: Any) -> tuple[Any, ...]:
+        """B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in multiples of a unit; A is
+        in ``terms``.
 
             2 mu (epsilon(y), epsilon(z)) - (p, div z),    -(div y, q) - (p, q) / lambda
 
@@ -176,11 +183,8 @@ class MixedLaw(SceneLaw):
         nu = 1/2 too.
         """
         p, q = self._pressure(p), self._pressure(ufl.TestFunction(self.own))
-        (mu, compressibility), kinematics = self.moduli, self.kinematics
         unit = fem.Constant(self.space.mesh, default_scalar_type(self.unit))
-        trial_strain = kinematics.strain(y)
-        shearing, dilation = ufl.inner(trial_strain, kinematics.strain(z)), ufl.tr(trial_strain)
-        densities = 2 * mu * shearing, -unit * dilation * q, -(unit**2) * compressibility * p * q
+        densities = -unit * ufl.tr(self.kinematics.strain(y)) * q, -(unit**2) * self.moduli[1] * p * q
         return tuple(self._integral(density, self.degree) for density in densities)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
@@ -195,29 +199,28 @@ class MixedLaw(SceneLaw):
 
     def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
         """The second one is of the change of volume."""
-        return self._terms(jump, z, fem.Function(self.own))[:2]
+        return *self.terms(jump, z), self._constraint(jump, fem.Function(self.own))[0]
 
-    def work(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
+    def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
         """Of a strain on the pressure alone, of a jump on both."""
         *of_displacement, of_pressure = forms
         if not of_displacement:
             return np.zeros(owned), assemble(of_pressure)
-        return super().work(of_displacement, owned)[0], np.asarray(assemble(of_pressure) / self.unit)
+        return super().assembled(of_displacement, owned)[0], np.asarray(assemble(of_pressure) / self.unit)
 
     def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
-        tested = self.kinematics.strain(z)
-        stress = 2 * self.moduli[0] * ufl.inner(self.kinematics.strain(y if moved is None else moved), tested)
-        return (self._integral(stress - hydrostatic_of(y) * ufl.tr(tested), self.degree),)
+        pressed = self._integral(-hydrostatic_of(y) * ufl.tr(self.kinematics.strain(z)), self.degree)
+        return *super().force_terms(y, z, moved), pressed
 
     def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
         """Of jumps alone."""
-        return [] if jump is None else [-self.jump_terms(jump, z)[0]]
+        return super().initial_terms(z, jump, None, degree)
 
     def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
         terms, pressure = [], hydrostatic_of(y)
         if jump is not None:
             dilation = ufl.tr(self.kinematics.strain(jump))
-            terms += [0.5 * self.jump_terms(jump, jump)[0], self._integral(-pressure * dilation / 2, self.degree)]
+            terms += [0.5 * self.terms(jump, jump)[0], self._integral(-pressure * dilation / 2, self.degree)]
         if strain is not None:
             terms.append(self._integral(self._swelling * strain * (pressure / 2 - self.moduli[0] * strain), degree))
         return terms
@@ -238,20 +241,11 @@ class MixedLaw(SceneLaw):
         return swelling
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
-        (_, mu), kinematics, pressure = self.lame, self.kinematics, hydrostatic_of(y)
+        (_, mu), kinematics = self.lame, self.kinematics
         poisson, modulus = self._constants(lambda young, nu: (nu, young / (1 - nu**2)))
-        elastic = kinematics.strain(moved, on_axis=True)
-        sigma = 2 * mu * elastic - pressure * ufl.Identity(elastic.ufl_shape[0])
-        outward = sigma[2, 2] if elastic.ufl_shape[0] > self.tagged.dimension else None
-        return ElementStress(
-            y,
-            kinematics,
-            within(sigma, len(y)),
-            -pressure if kinematics.prevented else outward,
-            lambda tau: compliance(tau, kinematics, None, mu, poisson),
-            modulus,
-            mu,
-        )
+        sigma = 2 * mu * self.elastic(moved, None, on_axis=True) - hydrostatic_of(y) * ufl.Identity(3)
+        of_difference = partial(compliance, kinematics=kinematics, lame=None, mu=mu, poisson=poisson)
+        return ElementStress(y, kinematics, sigma, of_difference, modulus, mu)
 
     def _matrix(self, number: int) -> PETSc.Mat:
         matrix = fem_petsc.assemble_matrix(self.forms[number])
@@ -275,9 +269,10 @@ class MixedLaw(SceneLaw):
         return matrix
 
     def joined(
-        self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, turning: PETSc.Mat | None, fixed: npt.NDArray[np.bool_]
+        self, stiffness: PETSc.Mat, rotation: PETSc.Mat | None, fixed: npt.NDArray[np.bool_]
     ) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
-        """K.
+        """K, from A without prescribed rows and columns, and what turns its unknowns into displacements, with and
+        without rigid bodies, of which there are none; ``rotation``: from those of A, None: they are the same.
 
         Raises:
             InstallationError: PETSc has no MUMPS.
@@ -295,17 +290,20 @@ class MixedLaw(SceneLaw):
         return matrix, displacements, displacements
 
     def lifted(self, prescribed: fem.Function, pressure_load: _Floats | None = None) -> _Floats:
-        """-B y_D, with the ``pressure_load`` of an ``AppliedLoad``."""
+        """The load at the unknowns of the pressure, -B y_D, with the ``pressure_load`` of an ``AppliedLoad``."""
         displacement, divergences = self.divergence.createVecs()
         displacement.getArray()[:] = prescribed.x.array[: displacement.getLocalSize()]
         self.divergence.mult(displacement, divergences)
         lifted = -np.array(divergences.getArray(readonly=True))
         return lifted if pressure_load is None else lifted - self.unit * pressure_load
 
-    def displacement(self, space: fem.FunctionSpace, values: _Floats, name: str = "displacement") -> fem.Function:
+    def displacement(self, values: _Floats | None = None, name: str = "displacement") -> MixedDisplacement:
+        """A displacement, zero so far, with the values of the pressure, None: zero."""
+        space = self.space
         pressure = fem.Function(self.own, name="hydrostatic pressure")
-        pressure.x.array[: self.count] = self.unit * values
-        pressure.x.scatter_forward()
+        if values is not None:
+            pressure.x.array[: self.count] = self.unit * values
+            pressure.x.scatter_forward()
         if self._materials > 1:
             cellwise = fem.Function(fem.functionspace(space.mesh, ("DG", 1)), name=pressure.name)
             cellwise.x.array[cellwise.function_space.dofmap.list] = pressure.x.array[self._rows]
@@ -313,6 +311,7 @@ class MixedLaw(SceneLaw):
         return MixedDisplacement(space, pressure, name)
 
     def unknowns(self, displacement: fem.Function) -> _Floats:
+        """Those of the pressure of a displacement, shape (count,)."""
         pressure = hydrostatic_of(displacement)
         values = pressure.x.array[: self.count]
         if self._materials > 1:
@@ -320,7 +319,7 @@ class MixedLaw(SceneLaw):
         return np.asarray(values / self.unit)
 
     def energy(self, displacement: fem.Function) -> float:
-        """(p, p) / lambda, that of the change of volume."""
+        """(p, p) / lambda, twice that of the change of volume, which A does not count."""
         pressure, product = self.compressibility.createVecs()
         pressure.getArray()[:] = self.unknowns(displacement)
         self.compressibility.mult(pressure, product)
@@ -338,7 +337,9 @@ class MixedLaw(SceneLaw):
         return forces
 
     def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
-        """Whether pressures that are constant in incompressible parts do no work."""
+        """Whether what is ``held`` lets no incompressible part change its volume: constant pressures in it do no work;
+        ``vector``: see ``ElasticBody``.
+        """
         if not self.constant:
             return False
         forces = [np.array(vector(force).getArray(readonly=True)) for force in self.constant]

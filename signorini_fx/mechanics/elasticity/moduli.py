@@ -1,8 +1,13 @@
-"""The numbers of the materials on the mesh: cell by cell where there are several."""
+"""The numbers of the materials on the mesh: cell by cell where there are several, or axes.
+
+Stress and strain are vectors of the components ``Kinematics.stressed``, of shear strains twice epsilon_ij.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import basix
@@ -11,12 +16,13 @@ import numpy.typing as npt
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx.errors import SceneError
+from signorini_fx.errors import SceneError, together
 from signorini_fx.machine import compat, parallel
+from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.tuned import SAME_NUMBER
+from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER, ZERO_IN_SOLUTION
 
 
 def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
@@ -134,3 +140,101 @@ def reduced_degree(statement: Statement, mesh: dmesh.Mesh) -> int | None:
     if not (asked and has_form and apart):
         return None
     return 3 if degree == 2 and kind in ("quadrilateral", "hexahedron") else 1
+
+
+@dataclass(frozen=True)
+class CellwiseStiffness:
+    """The stiffness of all cells, with the axes in their middle.
+
+    Attributes:
+        stiffness: stresses from strains, see ``Kinematics.stressed``, shape (m, m).
+        free_strain: the initial strain that is one where a material expands alike in all directions, shape (m,).
+    """
+
+    stiffness: fem.Function
+    free_strain: fem.Function
+
+
+def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:
+    """That of a scene; None: all of its materials are isotropic; collective.
+
+    Raises:
+        SceneError: the axes have no direction in some cell; or a plane body would not stay plane.
+    """
+    if all(material.isotropic for material in statement.material):
+        return None
+    kinematics = statement.kinematics_in(tagged.dimension)
+    rows = list(map(PAIRS.index, kinematics.stressed))
+    m = len(rows)
+    moduli, free = (fem.Function(fem.functionspace(tagged.mesh, ("DG", 0, shape))) for shape in ((m, m), (m,)))
+    at_cells, free_at_cells = moduli.x.array.reshape(-1, m, m), free.x.array.reshape(-1, m)
+    problems = []
+    for number, material in enumerate(statement.material):
+        if material.region is not None and material.region not in tagged.regions:
+            continue  # which is reported elsewhere
+        cells = tagged.cells(material.region)
+        axes = np.asarray(material.axes(middles(tagged, cells)))
+        faults = tagged.mesh.comm.allgather(_fault_of_axes(axes, len(cells), material.words))
+        if any(faults):
+            problems.append((f"material[{number}]", max(faults)))
+            continue
+        turned = _turned(axes)
+        whole = turned @ material.stiffness @ turned.swapaxes(1, 2)
+        off = np.abs(whole[:, [4, 5], :4]).max(initial=0.0) if m < len(PAIRS) else 0.0
+        if parallel.any_rank(tagged.mesh.comm, bool(off > ZERO_IN_SOLUTION * np.abs(whole).max(initial=0.0))):
+            problems.append(
+                (f"material[{number}]", "a plane body needs a plane of symmetry: shear across it is not free")
+            )
+            continue
+        # Without a stress in all other directions, of which those of shear across a plane body are apart.
+        at_cells[moduli.function_space.dofmap.list[cells, 0]] = np.linalg.inv(np.linalg.inv(whole)[:, rows][:, :, rows])
+        expansion = np.einsum("nia,a,nja->nij", axes, np.array(material.free_strain), axes)
+        strains = np.column_stack([expansion[:, i, j] * (1 if i == j else 2) for i, j in kinematics.stressed])
+        free_at_cells[free.function_space.dofmap.list[cells, 0]] = strains
+    if problems:
+        raise SceneError(problems)
+    share = graded(statement, tagged)
+    if share is not None:
+        at_cells *= share.x.array[:, None, None]
+    return CellwiseStiffness(moduli, free)
+
+
+def _fault_of_axes(axes: Array, count: int, words: str) -> str:
+    """What is wrong with the axes of ``count`` cells on this rank; "": nothing."""
+    if axes.shape != (count, 3, 3):
+        return f"axes of {words} must have the shape (n, 3, 3) for points of the shape (3, n)"
+    if not np.isfinite(axes).all():
+        return f"direction and second of {words} must be finite, not zero and not parallel in the middle of each cell"
+    if np.abs(axes.swapaxes(1, 2) @ axes - np.eye(3)).max(initial=0.0) > SAME_LENGTH:
+        return f"axes of {words} must be unit vectors at right angles"
+    return ""
+
+
+def _turned(axes: Array) -> Array:
+    """The components of a stress from those along the axes, shape (cells, 6, 6) (W. L. Bond, Bell Syst. Tech. J. 22
+    (1943) 1-72); its transpose turns the strain back.
+    """
+    bond_matrices = np.empty((len(axes), 6, 6))
+    for p, (i, j) in enumerate(PAIRS):
+        for q, (a, b) in enumerate(PAIRS):
+            bond_matrices[:, p, q] = axes[:, i, a] * axes[:, j, b] + (axes[:, i, b] * axes[:, j, a] if a != b else 0)
+    return bond_matrices
+
+
+# Lame parameters, the stiffness of each cell, and the degree of the reduced term, see ``IsotropicLaw``.
+Moduli = tuple[tuple[Any, Any], CellwiseStiffness | None, int | None]
+
+
+def moduli_of(statement: Statement, tagged: TaggedMesh) -> Moduli:
+    """Those of the materials of a scene on its mesh; collective.
+
+    Raises:
+        SceneError: with all that the mesh reveals of them, see the functions below.
+    """
+    lame, stiffness, reduced, _ = together(
+        partial(lame_coefficients, statement, tagged),
+        partial(cellwise_stiffness, statement, tagged),
+        partial(reduced_degree, statement, tagged.mesh),
+        partial(check_covers, statement, tagged),
+    )
+    return lame, stiffness, reduced

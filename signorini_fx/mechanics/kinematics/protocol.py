@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -70,16 +70,11 @@ class Kinematics:
         return [*self.pairs, *([(2, 2)] if self.prevented else [])]
 
     @property
-    def directions(self) -> int:
-        """In how many directions a uniform strain meets a stiffness; in plane stress it is free out of the plane."""
-        return sum(i == j for i, j in self.stressed)
+    def uniform_strain(self) -> Any:
+        """The same strain in all directions, in plane stress without that across the mesh, UFL, shape (3, 3)."""
+        import ufl
 
-    def tensors(self, components: _Floats) -> _Floats:
-        """Symmetric tensors, shape (..., 3, 3), from their components, with zeros out of the plane."""
-        tensors = np.zeros((*components.shape[:-1], 3, 3))
-        for column, (i, j) in enumerate(self.pairs):
-            tensors[..., i, j] = tensors[..., j, i] = components[..., column]
-        return tensors
+        return ufl.as_tensor([[int(i == j and (i, j) in self.stressed) for j in range(3)] for i in range(3)])
 
     def turned(self, arms: _Floats, vectors: _Floats) -> _Floats:
         """Arms times vectors, shape (..., d): moments of forces, one per rotation, shape (..., rotations)."""
@@ -102,22 +97,18 @@ class Kinematics:
     # --- forms -------------------------------------------------------------------------------------------------------
 
     def strain(self, y: Any, *, on_axis: bool = False) -> Any:
-        """Linearised strain, epsilon(y) of section 2.1, UFL, shape (d, d), or (3, 3) with ``normal_out``.
+        """Linearised strain, epsilon(y) of section 2.1, UFL, shape (3, 3); for the arguments see ``gradient``."""
+        import ufl
 
-        Args:
-            y: the displacement.
-            on_axis: whether it is wanted where x[0] = 0 too, as a limit.
+        return ufl.sym(self.gradient(y, on_axis=on_axis))
+
+    def gradient(self, y: Any, *, on_axis: bool = False) -> Any:
+        """Gradient of a displacement with what is across the mesh, UFL, shape (3, 3); ``on_axis``: whether it is wanted
+        where x[0] = 0 too, as a limit.
         """
         import ufl
 
-        return ufl.sym(ufl.grad(y))
-
-    def gradient(self, y: Any) -> Any:
-        """Gradient of the displacement at finite strains, with what is across the mesh, UFL, shape (3, 3)."""
-        import ufl
-
-        slope, axes = ufl.grad(y), range(self.dimension)
-        return ufl.as_tensor([[slope[i, j] if i in axes and j in axes else 0 for j in range(3)] for i in range(3)])
+        return padded(ufl.grad(y), self.dimension)
 
     def measure(self, x: Any) -> Any:
         """By what areas and lengths of the mesh are multiplied at x, UFL of shape (d,) or numbers of shape (d, n)."""
@@ -137,6 +128,32 @@ PLANE_STRESS = Kinematics(
     ((0, 1),),
     refuses={"mixed element": "'mixed' is of no use in plane stress: nothing locks"},
 )
+
+
+def padded(tensor: Any, dimension: int, outward: Any = 0) -> Any:
+    """The components of a tensor along the first axes, and one across the mesh, UFL, shape (3, 3)."""
+    import ufl
+
+    if dimension == 3:
+        return tensor
+    rows = [[tensor[i, j] if max(i, j) < 2 else 0 for j in range(3)] for i in range(3)]
+    rows[2][2] = outward
+    return ufl.as_tensor(rows)
+
+
+def components(tensor: Any, pairs: Iterable[tuple[int, int]]) -> Any:
+    """Components of a strain, of shear twice epsilon_ij, UFL."""
+    import ufl
+
+    return ufl.as_vector([tensor[i, j] if i == j else 2 * tensor[i, j] for i, j in pairs])
+
+
+def tensors(values: _Floats, pairs: Iterable[tuple[int, int]]) -> _Floats:
+    """Symmetric tensors, shape (..., 3, 3), from their components."""
+    tensors = np.zeros((*values.shape[:-1], 3, 3))
+    for column, (i, j) in enumerate(pairs):
+        tensors[..., i, j] = tensors[..., j, i] = values[..., column]
+    return tensors
 
 
 def position(y: Any) -> Any:
@@ -174,25 +191,15 @@ class BodyOfRevolution(Kinematics):
         """The length of half a revolution."""
         return math.pi * size
 
-    def strain(self, y: Any, *, on_axis: bool = False) -> Any:
-        """On the axis its limit along the circumference is the radial strain."""
+    def gradient(self, y: Any, *, on_axis: bool = False) -> Any:
+        """With the stretch of the circumference, whose limit on the axis is the radial strain."""
         import ufl
 
-        in_section, radius = ufl.sym(ufl.grad(y)), position(y)[0]
-        along = y[0] / radius
+        stretch = y[0] / position(y)[0]
         if on_axis:
             off = off_axis(y)
-            along = ufl.conditional(off, y[0] / ufl.conditional(off, radius, 1), y[0].dx(0))
-        rows = [[in_section[i, j] if max(i, j) < 2 else 0 for j in range(3)] for i in range(3)]
-        rows[2][2] = along
-        return ufl.as_tensor(rows)
-
-    def gradient(self, y: Any) -> Any:
-        """With the stretch of the circumference."""
-        import ufl
-
-        slope, stretch = ufl.grad(y), y[0] / position(y)[0]
-        return ufl.as_tensor([[slope[0, 0], slope[0, 1], 0], [slope[1, 0], slope[1, 1], 0], [0, 0, stretch]])
+            stretch = ufl.conditional(off, y[0] / ufl.conditional(off, position(y)[0], 1), y[0].dx(0))
+        return padded(ufl.grad(y), 2, stretch)
 
     def measure(self, x: Any) -> Any:
         """The length of the circumference."""
@@ -229,8 +236,8 @@ class TwistedBody(BodyOfRevolution):
     last one is z, along x[2] out of the section: what turns by an angle about x[1] moves by -angle x[0] along it.
     """
 
-    def strain(self, y: Any, *, on_axis: bool = False) -> Any:
-        """Adds the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 = dy_2/dx_1 of torsion, which vanish on the axis."""
+    def gradient(self, y: Any, *, on_axis: bool = False) -> Any:
+        """Has the shears gamma_02 = r d(y_2 / r)/dr and gamma_12 = dy_2/dx_1 of torsion, which vanish on the axis."""
         import ufl
 
         radius, around = position(y)[0], [-y[2], 0, y[0]]
@@ -240,7 +247,7 @@ class TwistedBody(BodyOfRevolution):
             limits = (-ufl.grad(y)[2, 0], 0, ufl.grad(y)[0, 0])
             ratios = (component / ufl.conditional(off, radius, 1) for component in around)
             along = ufl.as_vector([ufl.conditional(off, *pair) for pair in zip(ratios, limits, strict=True)])
-        return ufl.sym(ufl.grad(y) + ufl.outer(along, ufl.unit_vector(2, 3)))
+        return ufl.grad(y) + ufl.outer(along, ufl.unit_vector(2, 3))
 
 
 TORSION = TwistedBody(

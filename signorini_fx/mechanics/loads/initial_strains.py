@@ -15,7 +15,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import compile_form
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.elasticity.elastic_law import ElasticLaw
+from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import InitialStrain
@@ -38,7 +38,7 @@ def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace)
 
 
 def jump_loads(
-    jumps: Sequence[Jump], space: fem.FunctionSpace, elastic: ElasticLaw, held: Callable[[Jump], bool]
+    jumps: Sequence[Jump], space: fem.FunctionSpace, elastic: SceneLaw, held: Callable[[Jump], bool]
 ) -> list[AppliedLoad]:
     """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; ``held``: whether
     something on this rank holds nodes of a jump along its axis, see ``holds``; collective.
@@ -53,7 +53,7 @@ def jump_loads(
         terms = elastic.jump_terms(jump.on(space), z)
         forms = tuple(map(compile_form, terms))
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        forces, pressure_load = elastic.work(forms, owned)
+        forces, pressure_load = elastic.assembled(forms, owned)
         of_jump = jump.amount, forms, -forces, fem.Function(space)
         loads.append(AppliedLoad(*of_jump, balanced=True, entry=jump.entry, pressure_load=pressure_load))
     return loads

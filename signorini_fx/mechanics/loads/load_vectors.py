@@ -20,9 +20,8 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_vertices, measure
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.elasticity.choice_of_law import elastic_law
-from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
-from signorini_fx.mechanics.elasticity.moduli import of_materials
+from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw
+from signorini_fx.mechanics.elasticity.moduli import Moduli, moduli_of, of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.supports import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -33,6 +32,20 @@ from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import LARGEST_NUMBER, SAME_NUMBER
+
+
+def elastic_law(
+    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, moduli: Moduli | None = None
+) -> SceneLaw:
+    """That of a scene on its mesh; ``moduli``: those of the scene, None if they are to be computed; collective."""
+    lame, stiffness, reduced = moduli or moduli_of(statement, tagged)
+    if statement.element.pressed:
+        from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
+
+        return MixedLaw(statement, tagged, space, lame)
+    if stiffness is not None:
+        return CellwiseLaw(statement, tagged, space, lame, stiffness)
+    return IsotropicLaw(statement, tagged, space, lame, reduced=reduced)
 
 
 @dataclass(frozen=True)
@@ -279,7 +292,7 @@ def applied_load(
         turned.place(prescribed.x.array.reshape(-1, space.mesh.geometry.dim), loads)
     owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
     forces, pressure_load = (
-        on.elastic.work(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
+        on.elastic.assembled(forms, owned) if balanced else (sum(map(assemble, forms), np.zeros(owned)), None)
     )
     for load in loads:
         if load.nodal:

@@ -20,9 +20,8 @@ from scipy.spatial import cKDTree
 from signorini_fx.errors import FormError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, node_positions
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, lumped_degree, node_positions
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
-from signorini_fx.mechanics.assembly.quadrature import lumped_degree
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes

@@ -17,8 +17,13 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, measure
-from signorini_fx.mechanics.assembly.quadrature import parallelepipeds, strain_degree
+from signorini_fx.mechanics.assembly.mesh_entities import (
+    assemble,
+    compile_form,
+    measure,
+    parallelepipeds,
+    strain_degree,
+)
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, fields_of
 from signorini_fx.mechanics.loads.initial_strains import initial_strain, total_jump
@@ -77,8 +82,7 @@ class StressRecovery:
     @classmethod
     def of(cls, model: Model) -> StressRecovery:
         """That of a scene."""
-        empty = model.elastic.displacement(model.space, np.zeros(model.elastic.count))
-        stress = element_stress(model, empty)
+        stress = element_stress(model, model.elastic.displacement())
         # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
         strained = any(effect.strains for _, effect in model.statement.listed())
         plain = model.kinematics.uniform and not strained and not model.elastic.pressed

@@ -70,8 +70,7 @@ class NodalForces(BodyNodes):
     @shared_in("_of_forms")
     def _y(self) -> fem.Function:
         """The displacement at which forms are evaluated."""
-        elastic = self._on.elastic
-        return elastic.displacement(self.space, np.zeros(elastic.count))
+        return self._on.elastic.displacement()
 
     @shared_in("_of_forms")
     def _given(self) -> tuple[tuple[Any, Callable[[float], None]], tuple[Any, Callable[[float], None]]]:
