@@ -36,7 +36,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | N
     try:
         scene = Scene.model_validate(dict(data))
     except ValidationError as error:
-        raise SceneError(problems_of(error, data, Scene.described()), source) from None
+        raise SceneError(problems_of(error, data, Scene), source) from None
     if folder is None:
         return scene
     contact = [

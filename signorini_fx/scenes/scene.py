@@ -13,14 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import Annotated, Any, Self, get_origin
+from typing import Annotated, Any, Self, TypeVar, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ValidationError, model_validator
 
 from signorini_fx.errors import FormError
+from signorini_fx.mechanics.effects import loads
+from signorini_fx.mechanics.effects.contact import Entry as ContactEntry
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.effects.material import Entry as MaterialEntry
+from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.statement.base import Table, refused
-from signorini_fx.mechanics.statement.effect import Entries, Load, OneEntry, described, keys, with_every_effect
+from signorini_fx.mechanics.statement.effect import Load, listed, with_every_effect
 from signorini_fx.mechanics.statement.features import refused_features
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import (
@@ -37,17 +42,18 @@ from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, Sol
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.values import Vector, shown
 
+_Table = TypeVar("_Table")
+# A list of tables, for which a single one may stand.
+Many = Annotated[tuple[_Table, ...], BeforeValidator(listed)]
+# The keys that are no effects and that a statement has as its own.
+_SETTINGS = ("title", "incomplete", "element", "load_steps", "solver", "accuracy", "units")
+
 
 def _may_be_remade(mesh: Any) -> bool:
     """Whether cells of other lengths may be made of a table ``mesh``; of most generators only their modules know."""
     if isinstance(mesh, MeshGenerator):
         return mesh.generator not in WITHOUT_ARCS
     return isinstance(mesh, MeshFile) and mesh.file.suffix.lower() in DRAWN
-
-
-def _listed(entry: Any) -> Any:
-    """A single table stands for a list of one."""
-    return [entry] if isinstance(entry, Mapping | Table) else entry
 
 
 class Rigid(RigidMotion):
@@ -82,7 +88,7 @@ def with_shapes(entry: Any) -> Any:
     """
     if not isinstance(entry, Mapping) or not isinstance(entry.get("contact", ()), list | tuple | Mapping | BaseModel):
         return entry
-    contacts, rigid = list(_listed(entry.get("contact", ()))), _listed(entry.get("rigid", ()))
+    contacts, rigid = list(listed(entry.get("contact", ()))), listed(entry.get("rigid", ()))
     if not rigid and not any(isinstance(_get(contact, "foundation"), str) for contact in contacts):
         return entry
     try:
@@ -96,8 +102,8 @@ def with_shapes(entry: Any) -> Any:
         path = ("contact", number, "foundation")
         if name not in names:
             if isinstance(foundation, str):
-                listed = ", ".join(map(shown, names)) or "none"
-                problems.append((path, f"no [[rigid]] has the name {shown(foundation)}; there are: {listed}"))
+                known = ", ".join(map(shown, names)) or "none"
+                problems.append((path, f"no [[rigid]] has the name {shown(foundation)}; there are: {known}"))
             continue
         body = bodies[names.index(name)]
         shape = body.shape if isinstance(foundation, str) else foundation
@@ -155,6 +161,8 @@ class Scene(Table):
         traction: tractions and pressures, forces per area; default: none.
         body_force: force per volume; default: none.
         contact: contact with a rigid foundation, one entry for each boundary; default: none.
+        fluid, force, gravity, point_force, preload, rotation, springs, temperature: see ``Fluid``, ``TotalForce``,
+            ``Gravity``, ``PointForce``, ``Preload``, ``Rotation``, ``Springs``, ``TemperatureChange``; default: none.
         rigid: rigid bodies that forces move, to which contacts refer by their names; default: none.
         load_steps: names and times of load steps, and an automatic ramp; default: one load step per factor.
         solver: algorithms, their parameters and limits.
@@ -166,14 +174,22 @@ class Scene(Table):
     title: str = ""
     incomplete: tuple[str, ...] = ()
     mesh: OneMesh | None = None
-    body: Annotated[tuple[Body, ...], BeforeValidator(_listed)] = ()
+    body: Many[Body] = ()
     element: Discretised = Discretised()
-    material: Entries
-    displacement: Entries = ()
-    traction: Entries = ()
-    body_force: OneEntry = None
-    contact: Entries = ()
-    rigid: Annotated[tuple[Rigid, ...], BeforeValidator(_listed)] = ()
+    material: Many[MaterialEntry]
+    displacement: Many[PrescribedDisplacement] = ()
+    traction: Many[loads.SurfaceTraction] = ()
+    body_force: loads.BodyForce | None = None
+    contact: Many[ContactEntry] = ()
+    fluid: Many[loads.Fluid] = ()
+    force: Many[loads.TotalForce] = ()
+    gravity: Many[loads.Gravity] = ()
+    point_force: Many[loads.PointForce] = ()
+    preload: Many[Preload] = ()
+    rotation: Many[loads.Rotation] = ()
+    springs: Many[loads.Springs] = ()
+    temperature: Many[loads.TemperatureChange] = ()
+    rigid: Many[Rigid] = ()
     load_steps: LoadSteps = LoadSteps()
     solver: SolverSettings = SolverSettings()
     accuracy: Accuracy | None = None
@@ -226,16 +242,11 @@ class Scene(Table):
         except FormError as error:
             yield from ((("load_steps", key), reason) for key, reason in error.problems)
 
-    @classmethod
-    def described(cls) -> type[BaseModel]:
-        """With the files of all effects, which this imports."""
-        return described(cls)
-
     @cached_property
     def statement(self) -> Statement:
         """The same without its mesh, as all that solves and judges reads it."""
-        fields, origin, known = type(self).model_fields, ("mesh", "body", "rigid", "title_block"), keys()
-        given = {key: getattr(self, key) for key in fields if key in known}
+        fields, origin = type(self).model_fields, ("mesh", "body", "rigid", "title_block")
+        given = {key: getattr(self, key) for key in fields if key not in (*origin, *_SETTINGS)}
         effects = {
             key: entries if isinstance(entries, tuple) else () if entries is None else (entries,)
             for key, entries in given.items()

@@ -5,11 +5,15 @@ from __future__ import annotations
 import inspect
 import re
 from importlib import resources
+from types import GenericAlias
 from typing import Any, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, create_model
 
+from signorini_fx.extensions import EFFECTS, load_class, names_of
+from signorini_fx.mechanics.effects.material import every_entry
 from signorini_fx.mechanics.statement.base import tables
+from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.settings import known_linear_algebra
 from signorini_fx.quantities.summary import Summary, own_quantities
@@ -21,9 +25,17 @@ def starting_scene() -> str:
     return resources.files("signorini_fx.scenes").joinpath("template.toml").read_text(encoding="utf-8")
 
 
+def described() -> type[BaseModel]:
+    """``Scene`` with the types of all materials and of the effects of other packages, which this imports."""
+    kinds = {"material": every_entry()} | {key: load_class(EFFECTS, key, Effect) for key in names_of(EFFECTS)}
+    fields = {key: GenericAlias(tuple, (kind, ...)) for key, kind in kinds.items()}
+    typed: dict[str, Any] = {key: (kind, ... if key == "material" else ()) for key, kind in fields.items()}
+    return create_model("Scene", __base__=Scene, __doc__=Scene.__doc__, **typed)
+
+
 def scene_schema() -> dict[str, Any]:
     """The JSON schema (draft 7, which editors support best) of scene files, with the docstrings as descriptions."""
-    model = Scene.described()
+    model = described()
     schema: dict[str, Any] = model.model_json_schema()
     _simplify(schema)
     by_name = {table.__name__: table for table in tables(model)}

@@ -2,7 +2,6 @@
 
 import inspect
 import pydoc
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -15,7 +14,9 @@ from spaces import block
 import signorini_fx as sfx
 from signorini_fx import SceneError
 from signorini_fx.addons.pictures import plot
-from signorini_fx.mechanics.statement.effect import ENTRIES, entry_type
+from signorini_fx.mechanics.statement.base import tables
+from signorini_fx.mechanics.statement.effect import Effect
+from signorini_fx.scenes.template import described
 
 COMM = MPI.COMM_SELF
 DOLFINX_MESH = mesh.create_rectangle(COMM, [[0, 0], [3, 1]], [6, 2])
@@ -54,9 +55,7 @@ def test_public_names_are_shown():
 
 def test_every_effect_is_public():
     """Each class that an entry of a scene is an object of."""
-    entries = [entry_type(key) for key in ENTRIES]
-    kinds = [kind for entry in entries for kind in (get_args(entry.__origin__) if get_args(entry) else [entry])]
-    classes = {getattr(kind, "__origin__", kind).__name__ for kind in kinds}
+    classes = {kind.__name__ for kind in tables(described()) if issubclass(kind, Effect)}
     assert {"Springs", "BilateralContact"} <= classes <= set(sfx.__all__)
 
 

@@ -46,7 +46,7 @@ from signorini_fx.scenes import cli, scene
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene, read_scene
 from signorini_fx.scenes.scene import Rigid
-from signorini_fx.scenes.template import starting_scene
+from signorini_fx.scenes.template import described, starting_scene
 
 ROOT = Path(__file__).parents[2]
 README, DOCS = ROOT / "README.md", ROOT / "docs"
@@ -508,7 +508,7 @@ def shown_default(default):
 
 def test_every_class_has_a_table():
     """Walked from the scene."""
-    assert classes_in(scene.Scene.described()) == {scene.Scene.described()}.union(*MODELS.values()) - {scene.Scene}
+    assert classes_in(model := described()) == {model}.union(*MODELS.values()) - {scene.Scene}
 
 
 @pytest.mark.parametrize("place", MODELS, ids=" ".join)
@@ -638,7 +638,7 @@ def test_certificate():
 
 def test_code_that_is_named():
     """Modules and what is in them are there."""
-    keys = {key for model in classes_in(scene.Scene.described()) for key in model.model_fields}
+    keys = {key for model in classes_in(described()) for key in model.model_fields}
     for word in set(re.findall(r"`([\w./]+)`", THEORY.read_text(encoding="utf-8"))):
         module, *path = word.split(".")
         if word.endswith(".py"):

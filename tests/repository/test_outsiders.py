@@ -14,7 +14,6 @@ from scenes import example1
 
 from signorini_fx import ConvergenceError, InstallationError, Scene, SceneError, extensions
 from signorini_fx.extensions import EFFECTS, KINEMATICS, SHAPES
-from signorini_fx.mechanics.statement.effect import described
 
 ROOT = Path(__file__).parents[2]
 DEMOS = ROOT / "demos" / "extensions"
@@ -45,7 +44,6 @@ def _registered(monkeypatch, tmp_path):
     for key in Scene.model_fields.keys() - before:
         del Scene.model_fields[key]
     Scene.model_rebuild(force=True)
-    described.cache_clear()
 
 
 def test_all_are_here():

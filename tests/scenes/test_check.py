@@ -22,7 +22,8 @@ from signorini_fx.mechanics.laws.coulomb import Coulomb, Tresca
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.orthotropic import OrthotropicElastic
 from signorini_fx.mechanics.statement import settings
-from signorini_fx.mechanics.statement.effect import entry_type, keys
+from signorini_fx.mechanics.statement.base import tables
+from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
@@ -40,10 +41,6 @@ def said(data, level="warning"):
 
 
 # --- effects ---------------------------------------------------------------------------------------------------------
-
-
-# Effects whose rows and tables are all alike.
-LISTED = sorted(set(keys()) - {"material", "displacement", "contact"})
 
 
 ALL = {
@@ -377,7 +374,11 @@ MODELS = {
     "element": [scene.Discretised],
     "material": [LinearElastic, OrthotropicElastic],
     "displacement": [displacement.PrescribedDisplacement],
-    **{key: [entry_type(key)] for key in LISTED},
+    **{
+        key: list(tables(field.annotation))
+        for key, field in scene.Scene.model_fields.items()
+        if any(issubclass(kind, Effect) for kind in tables(field.annotation)) and key not in ("displacement", "contact")
+    },
     "contact": [contact_of.UnilateralContact],
     "contact.friction": [Tresca, Coulomb],
     "rigid": [import_module("signorini_fx.scenes.scene").Rigid],

@@ -79,6 +79,7 @@ class Contact(Effect):
         contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: as it makes them.
     """
 
+    key: ClassVar[str] = "contact"
     boundary: str
     against: str | None = None
     points: Literal["auto", "boundary", "against"] = "auto"

@@ -33,6 +33,7 @@ class PrescribedDisplacement(Load):
         factors: one number per load step; None: 1 in every step.
     """
 
+    key: ClassVar[str] = "displacement"
     vectors: ClassVar[tuple[str, ...]] = ("at", "about")
 
     boundary: str | None = None

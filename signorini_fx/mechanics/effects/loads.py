@@ -46,6 +46,7 @@ class SurfaceTraction(VectorForce):
         factors: one number per load step; None: 1 in every step.
     """
 
+    key: ClassVar[str] = "traction"
     boundary: str
     pressure: TimedValue = 0.0
 
@@ -75,6 +76,7 @@ class TotalForce(VectorForce):
         factors: one number per load step; None: 1 in every step.
     """
 
+    key: ClassVar[str] = "force"
     boundary: str
     spread: SampledValue = 1.0
 
@@ -243,6 +245,7 @@ class TemperatureChange(InitialStrain):
         factors: one number per load step; None: 1 in every step.
     """
 
+    key: ClassVar[str] = "temperature"
     change: TimedSampledValue | None = None
     file: Path | None = None
     region: str | None = None

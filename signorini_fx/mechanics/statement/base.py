@@ -33,7 +33,7 @@ class _OwnErrors(_ModelMetaclass):
         try:
             return super().__call__(**named, **data)
         except ValidationError as error:
-            raise table.refusal(problems_of(error, named | data, table.described())) from None
+            raise table.refusal(problems_of(error, named | data, table)) from None
 
 
 class Table(BaseModel, metaclass=_OwnErrors):
@@ -48,11 +48,6 @@ class Table(BaseModel, metaclass=_OwnErrors):
     def refusal(cls, problems: list[tuple[str, str]]) -> SceneError:
         """The error of a table that Python has made, from the paths of wrong keys and what is wrong."""
         return SceneError(problems, cls.__name__)
-
-    @classmethod
-    def described(cls) -> type[BaseModel]:
-        """The same keys with their types, for help and messages."""
-        return cls
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:

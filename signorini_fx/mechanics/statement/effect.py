@@ -1,4 +1,4 @@
-"""What the effects of a scene have in common, and how they are found: by their keys in ``ENTRIES``.
+"""What the effects of a scene have in common.
 
 Other packages have more by entry points, whose names are keys of a scene as well:
 
@@ -16,18 +16,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
-from importlib import import_module
-from inspect import cleandoc
+from functools import cached_property
 from types import GenericAlias
-from typing import Annotated, Any, ClassVar, Protocol, Self, TypeVar, get_origin
+from typing import Annotated, Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo, create_model
+from pydantic import BaseModel, BeforeValidator, Field, TypeAdapter, ValidationInfo
 from pydantic.fields import FieldInfo
 
-from signorini_fx.extensions import EFFECTS, is_of_package, load_class, names_of, on_registered
+from signorini_fx.extensions import EFFECTS, load_class, names_of, on_registered
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.mechanics.statement.values import Finite, TimedValue
@@ -36,6 +34,7 @@ Array = npt.NDArray[np.float64]
 Keys = tuple[str | int, ...]
 Contradictions = Iterator[tuple[Keys, str]]
 Features = tuple[tuple[str, Keys], ...]
+_Model = TypeVar("_Model", bound=type[BaseModel])
 
 
 class Coefficients(Protocol):
@@ -120,6 +119,8 @@ class Effect(Table):
 
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {}
 
+    # The key of its entries, where the name of the class is another one.
+    key: ClassVar[str] = ""
     # Whether it changes the strain that the stress follows from.
     strains: ClassVar[bool] = False
     # Whether it acts at single nodes, without any form, see ``loads.supports``.
@@ -129,12 +130,8 @@ class Effect(Table):
 
     @property
     def label(self) -> str:
-        """What it is, in words: its key, or the name of the class of another package."""
-        kind = type(self)
-        if is_of_package(kind):
-            keys = (key for key, place in ENTRIES.items() if place == ("loads", kind.__name__))
-            return next(keys, kind.__module__.rpartition(".")[2]).replace("_", " ")
-        return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", kind.__name__).lower()
+        """What it is, in words: its key, or the name of its class where it says none."""
+        return self.key or re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", type(self).__name__).lower()
 
     @cached_property
     def where(self) -> str | None:
@@ -265,111 +262,34 @@ class Resistance(Effect):
         raise NotImplementedError
 
 
-# --- how they are found ----------------------------------------------------------------------------------------------
-
-PACKAGE = "signorini_fx.mechanics.effects"
-# The file of each key in this package, and the type of its entries there.
-ENTRIES = {
-    "body_force": ("loads", "BodyForce"),
-    "contact": ("contact", "Entry"),
-    "displacement": ("displacement", "PrescribedDisplacement"),
-    "fluid": ("loads", "Fluid"),
-    "force": ("loads", "TotalForce"),
-    "gravity": ("loads", "Gravity"),
-    "material": ("material", "Entry"),
-    "point_force": ("loads", "PointForce"),
-    "preload": ("preload", "Preload"),
-    "rotation": ("loads", "Rotation"),
-    "springs": ("loads", "Springs"),
-    "temperature": ("loads", "TemperatureChange"),
-    "traction": ("loads", "SurfaceTraction"),
-}
-_Model = TypeVar("_Model", bound=type[BaseModel])
+# --- those of other packages -----------------------------------------------------------------------------------------
 
 
-def keys() -> tuple[str, ...]:
-    """The keys of all effects, those of other packages last; none is imported."""
-    return tuple(dict.fromkeys((*ENTRIES, *names_of(EFFECTS))))
+def listed(entry: Any) -> Any:
+    """A single table stands for a list of one."""
+    return [entry] if isinstance(entry, Mapping | BaseModel) else entry
 
 
-def entry_type(key: str) -> Any:
-    """The type of the entries of a key, whose file is imported.
-
-    Raises:
-        InstallationError: that of another package cannot be imported, or is no ``Effect``.
-    """
-    if key not in ENTRIES:
-        return load_class(EFFECTS, key, Effect)
-    file, name = ENTRIES[key]
-    return getattr(import_module(f"{PACKAGE}.{file}"), name)
-
-
-def _described_type(key: str) -> Any:
-    """The same, of a key whose entries are of several files from all of them."""
-    return import_module(f"{PACKAGE}.material").every_entry() if key == "material" else entry_type(key)
-
-
-def _type(entry: Any, *, many: bool) -> Any:
-    return GenericAlias(tuple, (entry, ...)) if many else entry | None
-
-
-@cache
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
-
-
-def _read_many(entry: Any, info: ValidationInfo) -> Any:
-    several = [entry] if isinstance(entry, Mapping | BaseModel) else entry
-    if several in ((), []):
+def _of_package(entry: Any, info: ValidationInfo) -> Any:
+    """The entries of a key of another package, whose class is imported when there is one."""
+    if not (several := listed(entry)):
         return ()
-    return _adapter(_type(entry_type(str(info.field_name)), many=True)).validate_python(several)
-
-
-def _read_one(entry: Any, info: ValidationInfo) -> Any:
-    return (
-        None if entry is None else _adapter(_type(entry_type(str(info.field_name)), many=False)).validate_python(entry)
-    )
-
-
-# The entries of a key that a scene has: its file is imported when there is one.
-Entries = Annotated[tuple[Any, ...], BeforeValidator(_read_many)]
-OneEntry = Annotated[Any, BeforeValidator(_read_one)]
+    kind = load_class(EFFECTS, str(info.field_name), Effect)
+    return TypeAdapter(GenericAlias(tuple, (kind, ...))).validate_python(several)
 
 
 def with_every_effect(model: _Model) -> _Model:
-    """A model with a list of entries for each effect that it has no key for, also of those that a program registers
-    later.
-    """
-    added: dict[str, Any] = {key: (Entries, ()) for key in keys() if key not in model.model_fields}
-    made = _extended(model, added)
-    key_lines = "".join(f"\n    {key}: see ``{ENTRIES[key][1]}``; default: none." for key in added if key in ENTRIES)
-    made.__doc__ = cleandoc(model.__doc__ or "") + key_lines
+    """A model that gets a list of entries for each effect of another package or of a program, when it is known."""
 
     def add(key: str) -> None:
-        if key in made.model_fields:
+        if key in model.model_fields:
             return
-        made.model_fields[key] = FieldInfo.from_annotated_attribute(Entries, ())
-        setattr(made, key, ())  # of models that were made before
-        made.model_rebuild(force=True)
-        described.cache_clear()
+        entries = Annotated[tuple[Any, ...], BeforeValidator(_of_package)]
+        model.model_fields[key] = FieldInfo.from_annotated_attribute(entries, ())
+        setattr(model, key, ())  # of models that were made before
+        model.model_rebuild(force=True)
 
+    for key in names_of(EFFECTS):
+        add(key)
     on_registered(EFFECTS, add)
-    return made
-
-
-@cache
-def described(model: type[BaseModel]) -> type[BaseModel]:
-    """The same model with the types of all entries, for help and messages: this imports all effects."""
-    fields = ((key, model.model_fields[key]) for key in keys())
-    types = {
-        key: (
-            _type(_described_type(key), many=get_origin(field.annotation) is tuple),
-            ... if field.is_required() else field.default,
-        )
-        for key, field in fields
-    }
-    return _extended(model, types)
-
-
-def _extended(model: Any, fields: dict[str, Any]) -> Any:
-    return create_model(model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **fields)
+    return model
