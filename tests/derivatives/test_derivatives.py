@@ -149,7 +149,7 @@ def test_a_support_holds_a_node_that_slips(algorithm, springs):
         ("mean top y", ["mesh.parameters.nx"], "is no datum of the problem"),
         ("mean top y", ["contact[3].gap"], "there is no such entry"),
         ("mean top y", ["contact[0].boundary"], "is no number"),
-        ("mean top y", ["contact..gap"], "is no path"),
+        ("mean top y", ["contact..gap"], "is no datum of the problem"),
         ("mean top y", ["contact.friction.coefficient"], "is zero, so that nothing acts"),
     ],
 )

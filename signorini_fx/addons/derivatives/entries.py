@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import BaseModel
-
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.effect import Load, Resistance
@@ -31,7 +29,7 @@ def entry_of(statement: Statement, path: str, extent: float, dimension: int) -> 
         raise SceneError([(path, "is none that a derivative can be taken by")])
     if path.endswith("grading"):
         raise SceneError([(path, "is none that a derivative can be taken by: take young, which it multiplies")])
-    value, parent = _entry_and_table(statement, path, dimension)
+    *_, (parent, _), (value, _) = _way(statement, path, dimension)
     if isinstance(value, Load):
         return 1.0, 1e-3
     if isinstance(parent, FrictionLaw | Resistance) and value == 0.0:
@@ -53,66 +51,44 @@ def varied(statement: Statement, path: str, change: float, dimension: int) -> di
     """What ``statement.changed`` takes for a number larger by ``change``; an expression gets it as another term, a load
     as a part of it.
     """
-    key, *way = _way(path)
-    entries = _changed(statement, statement.tables[str(key)], way, change, dimension)
-    return {str(key): entries if isinstance(entries, tuple) else (entries,)}
+    *way, (value, _) = _way(statement, path, dimension)
+    if isinstance(value, Load):
+        value = value.model_copy(update={"factors": tuple((1 + change) * f for f in statement.factors_of(value))})
+    elif isinstance(value, Expression):
+        value = Expression(f"({value.text}) + ({float(change)!r})", value.time, value.allows_time)
+    else:
+        value = value + change
+    for table, key in way[:0:-1]:
+        if isinstance(key, int):
+            value = (*table[:key], value, *table[key + 1 :])
+        else:
+            value = {**table, key: value} if isinstance(table, Mapping) else table.model_copy(update={key: value})
+    return {str(way[0][1]): value}
 
 
-def _way(path: str) -> list[str | int]:
-    if not PATH.fullmatch(path):
-        raise SceneError([(path, f"is no path of an entry, {_EXAMPLE}")])
-    return way_of(path)
-
-
-def _single_entry(value: Any, key: str | int) -> Any:
-    """What a key leads to; a list of one stands for what is in it."""
-    if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:
-        value = value[0]
-    if isinstance(key, int) and isinstance(value, BaseModel) and key == 0:
-        return value
-    if isinstance(key, int):
-        return value[key] if isinstance(value, tuple | list) and key < len(value) else None
-    if isinstance(value, Mapping):
-        return value.get(key)
-    return getattr(value, key) if isinstance(value, BaseModel) and key in type(value).model_fields else None
-
-
-def _entry_and_table(statement: Statement, path: str, dimension: int) -> tuple[Any, Any]:
-    """The entry and what it is in."""
-    parent: Any = None
-    value: Any = statement.tables
-    way = _way(path)
-    if way[0] not in statement.effects:
+def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str | int]]:
+    """The tables on the way to a number, each with the key that leads on, and the number."""
+    keys: list[str | int] = way_of(path) if PATH.fullmatch(path) else []
+    if not keys or keys[0] not in statement.effects:
         raise SceneError([(path, f"is no datum of the problem that a derivative can be taken by, {_EXAMPLE}")])
-    for key in way:
-        parent, value = value, _single_entry(value, key)
-        if value is None and key == "shift" and isinstance(way[-1], int):
+    value: Any = statement.effects
+    way: list[tuple[Any, str | int]] = []
+    for key in keys:
+        if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:  # a list of one is what is in it
+            way, value = [*way, (value, 0)], value[0]
+        way.append((value, key))
+        if isinstance(key, int):
+            value = value[key] if isinstance(value, tuple | list) and key < len(value) else None
+        elif isinstance(value, Mapping):
+            value = value.get(key)
+        else:
+            value = getattr(value, key) if key in getattr(type(value), "model_fields", ()) else None
+        if value is None and key == "shift" and isinstance(keys[-1], int):
             value = (0.0,) * dimension
         if value is None:
             raise SceneError([(path, f"there is no such entry, or it has no value; {_EXAMPLE}")])
+    if isinstance(value, tuple) and len(value) == 1:
+        way, value = [*way, (value, 0)], value[0]
     if isinstance(value, bool) or not isinstance(value, int | float | Expression | Load):
         raise SceneError([(path, f"is no number; {_EXAMPLE}")])
-    return value, parent
-
-
-def _changed(statement: Statement, value: Any, way: list[str | int], change: float, dimension: int) -> Any:
-    if not way:
-        if isinstance(value, Load):
-            return value.model_copy(
-                update={"factors": tuple((1 + change) * factor for factor in statement.factors_of(value))}
-            )
-        if isinstance(value, Expression):
-            return Expression(f"({value.text}) + ({float(change)!r})", value.time, value.allows_time)
-        return value + change
-    key, *inner_way = way
-    if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:
-        return (_changed(statement, value[0], way, change, dimension),)
-    if isinstance(key, int) and isinstance(value, BaseModel):
-        return _changed(statement, value, inner_way, change, dimension)
-    inner = _single_entry(value, key)
-    if inner is None:
-        inner = (0.0,) * dimension
-    changed = _changed(statement, inner, inner_way, change, dimension)
-    if isinstance(key, int):
-        return (*value[:key], changed, *value[key + 1 :])
-    return {**value, key: changed} if isinstance(value, Mapping) else value.model_copy(update={key: changed})
+    return [*way, (value, "")]

@@ -26,12 +26,10 @@ from signorini_fx.addons.derivatives.gradient import (
 )
 from signorini_fx.addons.derivatives.of_nonlinear_scene import NonlinearSteps
 from signorini_fx.errors import SceneError
-from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.discretisation import contact_of, law_of, moved_since, placed, prepare
 from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
-from signorini_fx.mechanics.statement.effect import Resistance
 from signorini_fx.mechanics.statement.features import refuse
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.differentiable import Functional, functional_of
@@ -251,23 +249,19 @@ def _at_step(models: Sequence[Model], text: str) -> tuple[int, Functional]:
 
 def _by_modulus(model: Model, statements: Sequence[Statement], change: float) -> By:
     """The derivatives by a modulus: differences of forces would be wrong by 1e-4 where a body is slender."""
-    # The forms are linear in the Lame parameters, and have the derivatives of these in their place.
-    forms = model.forms[: len(model.forms) - len(model.resists or ())]
     high, low = (lame_coefficients(statement, model.tagged) for statement in statements)
-    slopes = [(_values(upper) - _values(lower)) / (2 * change) for upper, lower in zip(high, low, strict=True)]
+    for upper, lower in zip(high, low, strict=True):
+        values = upper.x.array if isinstance(upper, fem.Function) else upper.value
+        values -= lower.x.array if isinstance(lower, fem.Function) else lower.value
+        values /= 2 * change
+    # The forms are linear in the Lame parameters.
+    forms = replace(model.elastic, lame=high).compiled(model.space)
     strained = any(entry.strains for _, entry in statements[0].listed())
     prepared = [prepare(statement, model.tagged, Timings()) for statement in statements] if strained else []
 
     def evaluated(step: _Step, quantities: Sequence[Functional]) -> Explicit:
-        body, lame = step.model, step.model.elastic.lame
-        kept = [_values(parameter).copy() for parameter in lame]
-        try:
-            for parameter, slope in zip(lame, slopes, strict=True):
-                _values(parameter)[...] = slope
-            residual = elastic_forces(body, forms, step.solved.displacement)
-        finally:
-            for parameter, values in zip(lame, kept, strict=True):
-                _values(parameter)[...] = values
+        body = step.model
+        residual = elastic_forces(body, forms, step.solved.displacement)
         if prepared:
             above, below = (_loads(changed, step.place)["forces"] for changed in prepared)
             residual.axpy(-0.5 / change, body.vector(above - below))
@@ -276,10 +270,6 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
         return Explicit([0.0] * len(quantities), residual, nothing, nothing[:, 0])
 
     return evaluated
-
-
-def _values(coefficient: Any) -> Array:
-    return coefficient.x.array if isinstance(coefficient, fem.Function) else coefficient.value
 
 
 def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
@@ -309,18 +299,12 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
         return moving
 
     def data(k: int) -> ChangedStep:
-        model, step_data = steps[k].model, steps[k].data
+        step_data = steps[k].data
         if of_contact:
             step_data = replace(step_data, **contact(k))
         if changed is None:
             return step_data
-        loads = _loads(changed, steps[k].place)
-        moves = parallel.any_rank(model.comm, not np.array_equal(loads["prescribed"], step_data.prescribed))
-        if statement.of(Resistance):
-            step_data = replace(step_data, forms=changed.forms)
-        elif moves or step_data.driven is not None:
-            step_data = replace(step_data, forms=model.forms)
-        return replace(step_data, **loads)
+        return replace(step_data, forms=changed.forms, **_loads(changed, steps[k].place))
 
     return data
 

@@ -90,11 +90,6 @@ class Coulomb(DirectedLaw):
         return self.cohesion is not None
 
     @property
-    def has_derivative(self) -> bool:
-        """Where it opens with cohesion it has a jump, and a cap is left to the fixed point."""
-        return self.cap is None and self.cohesion is None
-
-    @property
     def unknown(self) -> str:
         return ""
 

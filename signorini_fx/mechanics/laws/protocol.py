@@ -111,11 +111,6 @@ class FrictionLaw(Table):
         return f"of the friction law {self.law} only the bound is known" if self.follows_pressure else ""
 
     @property
-    def has_derivative(self) -> bool:
-        """Whether Newton's method may follow the bound with the pressure."""
-        return True
-
-    @property
     def acts(self) -> bool:
         """Whether it can transmit shear."""
         return True
@@ -145,15 +140,6 @@ class FrictionLaw(Table):
     def at(self, points: Any) -> Self:
         """A law whose parameters are arrays at some of their entries."""
         return self.with_values(lambda _, values: values[points])
-
-    @property
-    def timed(self) -> bool:
-        """Whether it depends on the time."""
-        return any(getattr(value, "timed", False) for value in self.parameters.values())
-
-    def at_time(self, time: float) -> Self:
-        """With the values of its parameters at a time."""
-        return self.with_values(lambda _, value: value.at_time(time) if getattr(value, "timed", False) else value)
 
     @property
     def directed(self) -> bool:

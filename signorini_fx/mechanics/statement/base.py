@@ -64,6 +64,16 @@ class Table(BaseModel, metaclass=_OwnErrors):
         for name in type(self).model_fields:
             yield name, getattr(self, name)
 
+    @property
+    def timed(self) -> bool:
+        """Whether one of its values depends on the time t: an expression, a shape or a friction law."""
+        return any(getattr(value, "timed", False) for _, value in self)
+
+    def at_time(self, time: float) -> Self:
+        """The same with its values at a time; itself if none depends on it."""
+        moved = {key: value.at_time(time) for key, value in self if getattr(value, "timed", False)}
+        return self.model_copy(update=moved) if moved else self
+
     def remade(self, **changes: Any) -> Self:
         """The same with other entries of some keys, all validated anew."""
         return type(self)(**{key: getattr(self, key) for key in self.model_fields_set} | changes)

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import GenericAlias
-from typing import Annotated, Any, ClassVar, Protocol, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -166,18 +166,6 @@ class Effect(Table):
     def varies(self) -> bool:
         """Whether it is more than constants."""
         return not all(isinstance(value, float) for value in self.given.values())
-
-    @cached_property
-    def timed(self) -> bool:
-        """Whether one of its values depends on the time t: an expression, a shape or a friction law."""
-        return any(getattr(value, "timed", False) for _, value in self)
-
-    def at_time(self, time: float) -> Self:
-        """The same with its values at a time; itself if none depends on it."""
-        if not self.timed:
-            return self
-        moved = {key: value.at_time(time) for key, value in self if getattr(value, "timed", False)}
-        return self.model_copy(update=moved)
 
     @property
     def features(self) -> Features:

@@ -39,34 +39,21 @@ _ALLOWED = (
 )
 
 
-@dataclass(frozen=True)
-class _Algebra:
-    """The operations of expressions, in NumPy or UFL."""
-
-    functions: dict[str, Callable[..., Any]]
-    both: Callable[[Any, Any], Any]
-    either: Callable[[Any, Any], Any]
-    negate: Callable[[Any], Any]
-    number: Callable[[float], Any]
-    reach: Callable[[Any], Any]
-    is_condition: Callable[[Any], bool]
-
-
-_NUMPY = _Algebra(
-    functions={
-        **{name: getattr(np, name) for name in _ONE_ARGUMENT},
-        "min": np.minimum,
-        "max": np.maximum,
-        "where": np.where,
-    },
-    both=np.logical_and,
-    either=np.logical_or,
-    negate=np.logical_not,
+# The operations of expressions, in NumPy or UFL, by their names.
+_Algebra = dict[str, Callable[..., Any]]
+_NUMPY: _Algebra = {
+    **{name: getattr(np, name) for name in _ONE_ARGUMENT},
+    "min": np.minimum,
+    "max": np.maximum,
+    "where": np.where,
+    "and": np.logical_and,
+    "or": np.logical_or,
+    "not": np.logical_not,
     # A NumPy float: arithmetic then gives inf or nan, which is reported where it happens, and never an exception.
-    number=np.float64,
-    reach=lambda position: np.abs(position).max(initial=0.0),
-    is_condition=lambda value: value.dtype == np.bool_,
-)
+    "number": np.float64,
+    "reach": lambda position: np.abs(position).max(initial=0.0),
+    "is condition": lambda value: value.dtype == np.bool_,
+}
 
 
 def _ufl_algebra(mesh: Any) -> _Algebra:
@@ -74,23 +61,24 @@ def _ufl_algebra(mesh: Any) -> _Algebra:
     import ufl
     from dolfinx import default_scalar_type, fem
 
-    def absolute(value: Any) -> Any:
-        """UFL turns |(|a|)| into an Abs that is its own operand, which leads to an endless recursion."""
-        return value if isinstance(value, ufl.algebra.Abs) else abs(value)
-
     def number(value: float) -> Any:
         return fem.Constant(mesh, default_scalar_type(value))
 
-    others = {"abs": absolute, "log": ufl.ln, "min": ufl.min_value, "max": ufl.max_value, "where": ufl.conditional}
-    return _Algebra(
-        functions={**{name: getattr(ufl, name) for name in _ONE_ARGUMENT if name not in others}, **others},
-        both=ufl.And,
-        either=ufl.Or,
-        negate=ufl.Not,
-        number=number,
-        reach=lambda _: number(float(np.abs(mesh.geometry.x).max(initial=0.0))),
-        is_condition=lambda value: isinstance(value, ufl.classes.Condition),
-    )
+    return {
+        **{name: getattr(ufl, name) for name in _ONE_ARGUMENT if name not in ("abs", "log")},
+        # UFL turns |(|a|)| into an Abs that is its own operand, which leads to an endless recursion.
+        "abs": lambda value: value if isinstance(value, ufl.algebra.Abs) else abs(value),
+        "log": ufl.ln,
+        "min": ufl.min_value,
+        "max": ufl.max_value,
+        "where": ufl.conditional,
+        "and": ufl.And,
+        "or": ufl.Or,
+        "not": ufl.Not,
+        "number": number,
+        "reach": lambda _: number(float(np.abs(mesh.geometry.x).max(initial=0.0))),
+        "is condition": lambda value: isinstance(value, ufl.classes.Condition),
+    }
 
 
 class _Evaluator:
@@ -110,9 +98,9 @@ class _Evaluator:
             case ast.Constant(value=number) if type(number) in (int, float):
                 if abs(number) > sys.float_info.max:
                     raise ValueError("a number is too large")
-                return algebra.number(number)
+                return algebra["number"](number)
             case ast.Name(id="pi"):
-                return algebra.number(math.pi)
+                return algebra["number"](math.pi)
             case ast.Name(id="t"):
                 return self._time
             case ast.Subscript(value=ast.Name(id="x"), slice=ast.Constant(value=index)) if type(index) is int:
@@ -120,22 +108,22 @@ class _Evaluator:
                     raise ValueError(f"x[{index}] is not a coordinate: use x[0] or x[1], in 3D also x[2]")
                 return self._position[index]
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return algebra.negate(*self._conditions(operand))
+                return algebra["not"](*self._conditions(operand))
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _SIGNS:
                 return _SIGNS[type(op)](*self._numbers(operand))
             case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr() as op, right=right):
-                return (algebra.both if isinstance(op, ast.BitAnd) else algebra.either)(*self._conditions(left, right))
+                return algebra["and" if isinstance(op, ast.BitAnd) else "or"](*self._conditions(left, right))
             case ast.BinOp(op=ast.BitXor()):
                 raise ValueError("a power is written **, not ^")
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
                 return _ARITHMETIC[type(op)](*self._numbers(left, right))
             case ast.BoolOp(op=op, values=values):
-                return reduce(algebra.both if isinstance(op, ast.And) else algebra.either, self._conditions(*values))
+                return reduce(algebra["and" if isinstance(op, ast.And) else "or"], self._conditions(*values))
             case ast.Compare(left=left, ops=ops, comparators=comparators):
                 pairs = zip(ops, pairwise((left, *comparators)), strict=True)
-                return reduce(algebra.both, [self._compare(op, *pair) for op, pair in pairs])
+                return reduce(algebra["and"], [self._compare(op, *pair) for op, pair in pairs])
             case ast.IfExp(test=test, body=body, orelse=orelse):
-                return algebra.functions["where"](*self._conditions(test), *self._numbers(body, orelse))
+                return algebra["where"](*self._conditions(test), *self._numbers(body, orelse))
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
                 return self._call(name, arguments)
         raise ValueError(f"{ast.unparse(node)!r} is not available")
@@ -148,13 +136,13 @@ class _Evaluator:
 
     def _of_kind(self, node: ast.expr, *, condition: bool) -> Any:
         value = self.value(node)
-        if self._algebra.is_condition(value) != condition:
+        if self._algebra["is condition"](value) != condition:
             expected, found = ("condition", "number") if condition else ("number", "condition")
             raise ValueError(f"a {expected} is expected where '{ast.unparse(node)}' stands, which is a {found}")
         return value
 
     def _call(self, name: str, arguments: list[ast.expr]) -> Any:
-        functions, count = self._algebra.functions, len(arguments)
+        functions, count = self._algebra, len(arguments)
         if name == "where" and count == 3:
             return functions[name](*self._conditions(arguments[0]), *self._numbers(*arguments[1:]))
         if name in ("min", "max") and count >= 2:
@@ -174,11 +162,11 @@ class _Evaluator:
         if isinstance(op, ast.Gt | ast.GtE):
             left_operand, right_operand = right_operand, left_operand
         a, b = self._numbers(left_operand, right_operand)
-        absolute = self._algebra.functions["abs"]
+        absolute = self._algebra["abs"]
         size = absolute(a) + absolute(b)
         if isinstance(left_operand, ast.Subscript) or isinstance(right_operand, ast.Subscript):
-            size = size + self._algebra.reach(self._position)  # the round-off of a coordinate is that of the largest
-        room = self._algebra.number(SAME_NUMBER) * size
+            size = size + self._algebra["reach"](self._position)  # the round-off of a coordinate is that of the largest
+        room = self._algebra["number"](SAME_NUMBER) * size
         return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
 
 
@@ -253,11 +241,6 @@ class Expression:
     def _present_time(self) -> Any:
         return np.float64(math.nan if self.time is None else self.time)
 
-    @property
-    def jumps(self) -> bool:
-        """Whether it may jump."""
-        return jumps(self.tree)
-
     def ufl(self, mesh: Any, time: Any = None) -> Any:
         """The same function as a UFL expression of ``SpatialCoordinate(mesh)``, with a ``Constant`` for t if it is
         given.
@@ -265,9 +248,9 @@ class Expression:
         import ufl
 
         algebra = _ufl_algebra(mesh)
-        instant = algebra.number(float(self._present_time)) if time is None else time
+        instant = algebra["number"](float(self._present_time)) if time is None else time
         value = _Evaluator(algebra, ufl.SpatialCoordinate(mesh), instant).value(self.tree)
-        return ufl.conditional(value, 1.0, 0.0) if algebra.is_condition(value) else ufl.as_ufl(value)
+        return ufl.conditional(value, 1.0, 0.0) if algebra["is condition"](value) else ufl.as_ufl(value)
 
 
 def sample(value: Any, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
