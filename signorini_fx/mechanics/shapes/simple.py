@@ -181,28 +181,21 @@ class Polyline(Shape):
         """Of a closed line its area over its perimeter, which no inradius is below."""
         if self.hollow or not self.closed:
             return np.inf
-        return self._area / float(np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1).sum())
+        return abs(self._area) / float(np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1).sum())
 
     @property
     def _area(self) -> float:
-        """Inside a closed line, length squared."""
+        """Inside a closed line, length squared; negative if it is clockwise."""
         x = np.array(self.points) - self.points[0]
-        return abs(float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1])) / 2
-
-    @property
-    def walked(self) -> Array:
-        """Its points in the order in which the body is on the left, shape (m, 2)."""
-        x = np.array(self.points)
-        turning = float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1])
-        return x[::-1] if self.closed and turning > 0 else x
+        return float(x[:-1, 0] @ x[1:, 1] - x[1:, 0] @ x[:-1, 1]) / 2
 
     def initial(self, x: Array) -> tuple[Array, Array]:
-        walked = self.walked
-        count = len(walked) - 1
-        pieces = np.column_stack((np.arange(count), np.arange(1, count + 1)))
-        if self.closed:
+        corners = np.array(self.points)
+        pieces = np.arange(len(corners) - 1)[:, None] + [0, 1]
+        if self.closed:  # the body is on the left of a clockwise line
             pieces[-1, 1] = 0
-        return StraightPieces(walked, pieces)(x)
+            pieces = pieces[::-1, ::-1] if self._area > 0 else pieces
+        return StraightPieces(corners, pieces)(x)
 
 
 class StraightPieces:

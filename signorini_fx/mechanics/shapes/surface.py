@@ -182,38 +182,20 @@ class InSpace:
                 f"triangles belong to one alone, {np.count_nonzero(counts > 2)} to more than two"
             )
         try:
-            from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
-            from vtkmodules.vtkCommonCore import vtkPoints
-            from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-            from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance, vtkPolyDataNormals
+            import pyvista
+            from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
         except ModuleNotFoundError as error:
             raise MeshError(f"{file}: a surface in 3D needs the Python package {error.name}: see pyvista") from None
-        data, places, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
-        places.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
-        cells.SetData(3, numpy_to_vtkIdTypeArray(np.ascontiguousarray(triangles.ravel()), deep=True))
-        data.SetPoints(places)
-        data.SetPolys(cells)
-        outwards = vtkPolyDataNormals()
-        outwards.SetInputData(data)
-        outwards.SplittingOff()
-        outwards.ConsistencyOn()
-        outwards.AutoOrientNormalsOn()
-        outwards.Update()
-        faced = outwards.GetOutput()
-        order = vtk_to_numpy(faced.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+        surface = pyvista.PolyData.from_regular_faces(points, triangles)
+        faced = surface.compute_normals(split_vertices=False, consistent_normals=True, auto_orient_normals=True)
+        order = faced.regular_faces
         directed = order * len(points) + np.roll(order, -1, axis=1)
         if np.unique(directed).size < directed.size:
             raise MeshError(f"{file}: the surface has no inside and outside: its triangles cannot be oriented alike")
         self._distance = vtkImplicitPolyDataDistance()
         self._distance.SetInput(faced)
         self._size = float(np.linalg.norm(np.ptp(points, axis=0)))
-        corners = vtk_to_numpy(faced.GetPoints().GetData())[order]
-        corners = corners - (middle := corners.mean(axis=(0, 1)))
-        volume = abs(float(np.linalg.det(corners).sum())) / 6
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        area = float(np.linalg.norm(across, axis=1).sum()) / 2
-        bounds = np.stack((corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))) + middle
-        self.extent = bounds, volume / area
+        self.extent = np.reshape(faced.bounds, (3, 2)).T, faced.volume / faced.area
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Signed distances and normals, shapes (n,) and (n, 3)."""
