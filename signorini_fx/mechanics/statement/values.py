@@ -131,7 +131,9 @@ def share(entry: Any) -> Any:
 Finite = Annotated[
     float, Field(allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
 ]
-Positive = Annotated[Finite, Field(gt=0)]
+Positive = Annotated[
+    float, Field(gt=0, allow_inf_nan=False, strict=True), BeforeValidator(plain_number), AfterValidator(bounded)
+]
 NonNegative = Annotated[Finite, AfterValidator(not_negative)]
 Count = Annotated[int, Field(gt=0, le=100_000, strict=True), BeforeValidator(plain_number)]
 
