@@ -14,6 +14,7 @@ _PUBLIC = {
     "mechanics.effects.contact": (
         "BilateralContact",
         "BondedContact",
+        "Contact",
         "UnilateralContact",
     ),
     "mechanics.effects.displacement": ("PrescribedDisplacement",),

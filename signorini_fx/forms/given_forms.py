@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import basix
@@ -122,10 +121,10 @@ def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Facets]) -> TaggedMes
 
 def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> Contact:
     """A foundation or a pair as a scene lists it."""
-    from signorini_fx.mechanics.effects.contact import BilateralContact, BondedContact, UnilateralContact
+    from signorini_fx.mechanics.effects.contact import Contact
 
-    kind = BondedContact if entry.bonded else BilateralContact if entry.bilateral else UnilateralContact
-    described: dict[str, Any] = {"boundary": name, "friction": entry.friction or NoFriction()}
+    kind = "bonded" if entry.bonded else "bilateral" if entry.bilateral else "unilateral"
+    described: dict[str, Any] = {"boundary": name, "friction": entry.friction or NoFriction(), "kind": kind}
     if isinstance(entry, Pair):
         by_geometry = isinstance(entry.gap, str)
         described |= {"against": against, "gap": entry.allowance if by_geometry else entry.gap}
@@ -134,7 +133,7 @@ def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> C
         shape = entry.shape if isinstance(entry.shape, BaseModel) else None
         gap = float(entry.gap) if isinstance(entry.gap, int | float) else entry.gap
         described |= {"gap": gap, "direction": entry.direction, "foundation": shape}
-    return partial(kind.model_construct, **described)()
+    return Contact.model_construct(**described)
 
 
 def named_parts(

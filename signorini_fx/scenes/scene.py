@@ -19,7 +19,7 @@ from pydantic import BaseModel, BeforeValidator, ValidationError, model_validato
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.effects import loads
-from signorini_fx.mechanics.effects.contact import Entry as ContactEntry
+from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.material import Entry as MaterialEntry
 from signorini_fx.mechanics.effects.preload import Preload
@@ -180,7 +180,7 @@ class Scene(Table):
     displacement: Many[PrescribedDisplacement] = ()
     traction: Many[loads.SurfaceTraction] = ()
     body_force: loads.BodyForce | None = None
-    contact: Many[ContactEntry] = ()
+    contact: Many[Contact] = ()
     fluid: Many[loads.Fluid] = ()
     force: Many[loads.TotalForce] = ()
     gravity: Many[loads.Gravity] = ()

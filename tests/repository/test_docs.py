@@ -465,7 +465,7 @@ MODELS = {
         loads.PointForce,
     ],
     ("`[[springs]]`", "key"): [loads.Springs],
-    ("`[[contact]]`", "key"): [contact.UnilateralContact, contact.BilateralContact, contact.BondedContact],
+    ("`[[contact]]`", "key"): [contact.Contact],
     ("`[[contact]]`", "key of `friction`"): [NoFriction, Tresca, Coulomb],
     ("`[[contact]]`", "key of `overclosure`"): [Overclosure],
     ("Rigid bodies", "key of `rigid`"): [Rigid],

@@ -379,7 +379,7 @@ MODELS = {
         for key, field in scene.Scene.model_fields.items()
         if any(issubclass(kind, Effect) for kind in tables(field.annotation)) and key not in ("displacement", "contact")
     },
-    "contact": [contact_of.UnilateralContact],
+    "contact": [contact_of.Contact],
     "contact.friction": [Tresca, Coulomb],
     "rigid": [import_module("signorini_fx.scenes.scene").Rigid],
     "load_steps": [LoadSteps],

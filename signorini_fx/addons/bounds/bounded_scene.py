@@ -12,7 +12,7 @@ import numpy as np
 
 from signorini_fx.addons.bounds.simplices import Array
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.effects.contact import Contact, UnilateralContact
+from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.loads import BodyForce, Fluid, Gravity, Rotation, SurfaceTraction, TotalForce
 from signorini_fx.mechanics.laws.coulomb import Tresca
@@ -151,8 +151,8 @@ def _unbounded(model: Model) -> Iterator[str]:
 
 def _of_contact(entry: Contact, *, several_steps: bool) -> Iterator[str]:
     """What of a contact has no bound."""
-    if not isinstance(entry, UnilateralContact):
-        yield f"{getattr(entry, 'kind', 'another')} contact"
+    if not entry.opens:
+        yield f"{entry.kind} contact"
     elif entry.overclosure is not None:
         yield "soft contact"
     if entry.foundation is not None and (not isinstance(entry.foundation, Plane) or entry.moves or entry.tool):

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Discriminator, Tag, TypeAdapter, WrapValidator, model_validator
+from pydantic import Discriminator, TypeAdapter, WrapValidator, model_validator
 
 from signorini_fx.extensions import LAWS, load_class, names_of
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
@@ -28,7 +28,6 @@ from signorini_fx.mechanics.statement.values import (
     Positive,
     TimedSampledValue,
     not_at_points,
-    shown,
 )
 
 
@@ -59,7 +58,7 @@ class Overclosure(Table):
 
 
 class Contact(Effect):
-    """Contact of a boundary with a rigid foundation, or with a boundary of another body.
+    """Contact of a boundary with a rigid foundation, or with a boundary of another body, whose meshes need not match.
 
     Attributes:
         boundary: name of the boundary where contact may occur.
@@ -77,6 +76,11 @@ class Contact(Effect):
         foundation: a shape, whose closest points determine gap and direction, ``statement.rigid_shape``; None: none.
         friction: the friction law.
         contact_size: length of its facets, on both sides, where gmsh makes the mesh; None: as it makes them.
+        kind: ``unilateral``: Signorini contact (1.1d), the boundary may leave the foundation, but not enter it;
+            ``bilateral``: it cannot open, tau_N y = d; ``bonded``: a tie of two bodies, or of a body and a rigid one
+            that forces move: both sides stay together as they lie, wherever the surface of a ``foundation`` is.
+        overclosure: how far unilateral contact gives way under its pressure, ``Overclosure``; None: not at all, but for
+            ``gamma_n``.
     """
 
     key: ClassVar[str] = "contact"
@@ -91,6 +95,8 @@ class Contact(Effect):
     foundation: OneShape = None
     friction: OneLaw = NoFriction()
     contact_size: Positive | None = None
+    kind: Literal["unilateral", "bilateral", "bonded"] = "unilateral"
+    overclosure: Overclosure | None = None
 
     @model_validator(mode="after")
     def _at_points(self) -> Self:
@@ -105,8 +111,6 @@ class Contact(Effect):
         return self
 
     vectors: ClassVar[tuple[str, ...]] = ("direction",)
-    opens: ClassVar[bool] = True
-    bonded: ClassVar[bool] = False
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {
         "contact of two bodies": {
             "local refinement for contact": "contact of two bodies shows its error on the side with the points alone, "
@@ -120,6 +124,7 @@ class Contact(Effect):
             ("contact of two bodies", ("against",), self.against is not None),
             ("driven foundation", ("foundation",), self.tool is not None),
             ("friction axes", ("friction", "ratio"), self.friction.directed),
+            ("soft contact", ("overclosure",), self.overclosure is not None),
         )
         return tuple((name, keys) for name, keys, used in listed if used)
 
@@ -134,6 +139,17 @@ class Contact(Effect):
                 yield ("contact", number, rival), f"foundation already says {said}: leave one of them out"
         if self.tool is not None:
             yield from _not_with_tools(statement, number)
+        if self.overclosure is not None and not self.opens:
+            yield ("contact", number, "overclosure"), f"is for unilateral contact, not for {self.kind!r}"
+        elif self.overclosure is not None and statement.solver.algorithm not in ("auto", "ssn"):
+            reason = f"is for 'ssn': {statement.solver.algorithm!r} makes contact harder and harder"
+            yield ("contact", number, "overclosure"), reason
+        if self.bonded and self.against is None and self.tool is None:
+            reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
+            yield ("contact", number), reason
+        for key in ("distance", "adjust", "gap", "friction") if self.bonded else ():
+            if getattr(self, key) != type(self).model_fields[key].default:
+                yield ("contact", number, key), "a bond has none: both sides stay together as they lie"
         if self.against is None:
             for key in ("distance", "points", "sliding", "adjust"):
                 if getattr(self, key) != type(self).model_fields[key].default:
@@ -147,9 +163,19 @@ class Contact(Effect):
             yield ("contact", number, "direction"), "is that of the normal where two bodies touch: leave it out"
 
     @property
+    def opens(self) -> bool:
+        """Whether the boundary may leave the foundation."""
+        return self.kind == "unilateral"
+
+    @property
+    def bonded(self) -> bool:
+        """Whether both sides stay together as they lie."""
+        return self.kind == "bonded"
+
+    @property
     def surface(self) -> Any:
         """Its foundation, where gap and direction follow from that; None: they do not."""
-        return self.foundation
+        return None if self.bonded else self.foundation
 
     def gap_in(self, dimension: int) -> Any:
         """The gap in a space of a given dimension: a number, an expression or a callable of the position, length."""
@@ -177,70 +203,21 @@ class Contact(Effect):
 
 
 class UnilateralContact(Contact):
-    """Signorini contact (1.1d): the boundary may leave the foundation, but not enter it.
-
-    Attributes:
-        boundary, against, points, distance, adjust, sliding, gap, direction, foundation, friction, contact_size: see
-            ``Contact``.
-        overclosure: how far it gives way under its pressure, ``Overclosure``; None: not at all, but for
-            ``gamma_n``.
-        kind: its name.
-    """
+    """Contact that may open, see ``Contact``."""
 
     kind: Literal["unilateral"] = "unilateral"
-    overclosure: Overclosure | None = None
-
-    @property
-    def features(self) -> Features:
-        return (*super().features, *([] if self.overclosure is None else [("soft contact", ("overclosure",))]))
-
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
-        yield from super().contradictions(statement, number)
-        if self.overclosure is not None and statement.solver.algorithm not in ("auto", "ssn"):
-            reason = f"is for 'ssn': {statement.solver.algorithm!r} makes contact harder and harder"
-            yield ("contact", number, "overclosure"), reason
-
-
-class BondedContact(Contact):
-    """A bond of two bodies, whose meshes need not match, or of a body and a rigid one that forces move: rigid coupling.
-    Both sides stay together as they lie, wherever the surface of a ``foundation`` is.
-
-    Attributes:
-        boundary, against, points, distance, adjust, sliding, gap, direction, foundation, friction, contact_size: see
-            ``Contact``.
-        kind: its name.
-    """
-
-    opens: ClassVar[bool] = False
-    bonded: ClassVar[bool] = True
-    kind: Literal["bonded"]
-
-    def contradictions(self, statement: Any, number: int) -> Contradictions:
-        yield from super().contradictions(statement, number)
-        if self.against is None and self.tool is None:
-            reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
-            yield ("contact", number), reason
-        for key in ("distance", "adjust", "gap", "friction"):
-            if getattr(self, key) != type(self).model_fields[key].get_default(call_default_factory=True):
-                yield ("contact", number, key), "a bond has none: both sides stay together as they lie"
-
-    @property
-    def surface(self) -> None:
-        """None: both sides stay together as they lie."""
-        return
 
 
 class BilateralContact(Contact):
-    """Contact that cannot open: tau_N y = d; only the friction is unknown.
+    """Contact that cannot open, see ``Contact``."""
 
-    Attributes:
-        boundary, against, points, distance, adjust, sliding, gap, direction, foundation, friction, contact_size: see
-            ``Contact``.
-        kind: its name.
-    """
+    kind: Literal["bilateral"] = "bilateral"
 
-    opens: ClassVar[bool] = False
-    kind: Literal["bilateral"]
+
+class BondedContact(Contact):
+    """A tie, see ``Contact``."""
+
+    kind: Literal["bonded"] = "bonded"
 
 
 def _not_with_tools(statement: Any, number: int) -> Contradictions:
@@ -263,17 +240,3 @@ def _not_with_tools(statement: Any, number: int) -> Contradictions:
             foundation_path,
             "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both",
         )
-
-
-def _kind(entry: Any) -> str:
-    """Contact is unilateral unless specified otherwise."""
-    kind = entry.get("kind", "unilateral") if isinstance(entry, Mapping) else getattr(entry, "kind", "unilateral")
-    return kind if isinstance(kind, str) else shown(kind)
-
-
-Entry = Annotated[
-    Annotated[UnilateralContact, Tag("unilateral")]
-    | Annotated[BilateralContact, Tag("bilateral")]
-    | Annotated[BondedContact, Tag("bonded")],
-    Discriminator(_kind),
-]

@@ -179,7 +179,7 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
     message = plain_message(detail)
     entry = detail.get("input")
     if detail["type"].startswith("union_tag"):
-        path += ".law" if "law" in detail["ctx"]["discriminator"] else ".kind"
+        path += ".law"
     if removal := _removal(detail, path):
         return path, removal
     if detail["type"] == "extra_forbidden":
