@@ -1,163 +1,136 @@
-"""Constants that were tuned: what each does, where it comes from, and what it was tuned on.
+"""Constants that were tuned: what each does, and where it comes from.
 
 Coefficients of a formula are in the formula, and the styles of lines where they are used.  No constant here is a
 length, a stress or a time: each is a share, a factor, a power or a count, except in the estimate of costs, which
 describes a machine, and where a unit is given.
 
-*Choice* means that a value follows from reasoning alone; *no record* means that it is not recorded what the value was
-compared with, so that whoever changes it has to measure.  Unless it says otherwise a constant was tuned in 2D,
-on Examples 1 and 2 of Kunisch & Stadler (2005) and Hertz's problem (``demos/scenes``), and on random scenes
-(``demos/studies/random_scenes.py`` at 3c905269); those of Krylov methods were tuned in 3D.
+*Choice* means that a value follows from reasoning alone; *no record* means that whoever changes it has to measure.
+Unless it says otherwise a constant was tuned in 2D, on Examples 1 and 2 of Kunisch & Stadler (2005) and Hertz's problem
+(``demos/scenes``), and on random scenes (``demos/studies/random_scenes.py`` at 3c905269); those of Krylov methods were
+tuned in 3D.
 """
 
 from __future__ import annotations
 
 # --- gamma: the regularisation ---------------------------------------------------------------------------------------
 
-# Natural gamma = this times E / size of the body: penetration of about 1e-5 of the displacements, far from round-off.
-# Source: docs/theory.md, "γ".  Tuned on Example 1 (3.3e-5 is left); docs/evidence/stability.csv.
+# Natural gamma = this times E / size of the body: penetration is about 1e-5 of the displacements.
+# Source: docs/theory.md, "γ"; docs/evidence/stability.csv.
 AUTOMATIC_GAMMA = 1e5
-# gamma above this times E / size loses the last digits that double precision has for contact pressures.
-# Source: docs/evidence/stability.csv, first group: from 1e10 on the error grows.  Tuned on Example 1, 60 x 20 cells.
+# gamma above this times E / size loses the last digits of contact pressures.  Source: docs/evidence/stability.csv.
 LARGEST_GAMMA = 1e9
-# Path-following begins at this times E / size, where the penetration is about a hundredth of the displacements.
-# Choice.
+# Path-following begins at this times E / size, where the penetration is a hundredth of the displacements.  Choice.
 START_GAMMA = 100.0
-# Continuation begins at this share of the last gamma, and the augmented Lagrangian method as a fall-back, whose limit
-# is the same for every gamma.  Source: Table 4 of the paper (1e4 before 1e8), and the cube of
-# tests/solving/test_limit_loads.py: with ten times as much the sets of one of eight cycle at 0.98 of the limit.
+# Continuation begins at this share of the last gamma, and so does the augmented Lagrangian method as a fall-back.
+# Source: Table 4 of the paper (1e4 before 1e8), and the cube of tests/solving/test_limit_loads.py.
 CONTINUATION_SHARE = 1e-4
-# The regularisation error of path-following, relative to the estimated discretisation error, by degree of the
-# displacement.  With degree 2 the model of the path was found to be wrong by a factor of two.  Tuned on the scenes of
-# docs/evidence/effectivity.csv.
+# The regularisation error of path-following, relative to the estimated discretisation error, by degree.
+# Source: docs/evidence/effectivity.csv; with degree 2 the model of the path is wrong by a factor of two.
 PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 
-# --- fall-backs ------------------------------------------------------------------------------------------------------
+# --- fall-backs and the augmented Lagrangian method ------------------------------------------------------------------
 
-# A load step ends without a solution when all its problems and fall-backs together have taken as many linear solves as
-# this many problems that run to their last iteration.  Choice: a fixed-point iteration up to its limit takes a tenth of
-# them.
+# Linear solves of a load step with all its fall-backs at most, as those of so many problems up to their last iteration.
+# Choice.
 PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
-# increment is tried, and the last attempt this many times those: where a limit load cannot be
-# proved, the way up to it sets the price of enclosing it.  Choice; see tests/solving/test_limit_loads.py.
+# increment is tried, and the last attempt this many times those.  Choice.
 FAILED_STEP = 3
 
-# --- augmented Lagrangian method -------------------------------------------------------------------------------------
-
-# Factor by which gamma is increased from one problem to the next: the sets of one are a start for those of the next.
-# By the same factor both gammas may differ on a path; gamma is at most so many times the stiffness at the contact
-# nodes, where an update leaves its inverse as a share of the error, and the natural one, where round-off of the
-# multipliers begins.  A multiplier is slow if an update leaves more than this share of its last change.  No record;
-# test_augmentation.py checks that the limit is reached with gamma_n and gamma_t from 1e-3 to 1e5 times the natural one.
+# Factor by which gamma is increased from one problem to the next, by which both gammas may differ, and which gamma is
+# at most over the stiffness at the contact nodes.  No record; see test_augmentation.py.
 GAMMA_GROWTH = 10.0
 
-# --- linear algebra --------------------------------------------------------------------------------------------------
+# --- linear algebra and nested iteration -----------------------------------------------------------------------------
 
-# Below this number of unknowns the sparse factorisations of a whole solve cost no more than condensing onto the contact
-# nodes once.  In 2D tuned on Example 1 with 24 x 8 to 72 x 24 cells, no record: times are equal at 1,300.  In
-# space, docs/evidence/linear_algebra_in_space.csv.
+# Below this number of unknowns factorisations of a whole solve cost no more than to condense once.
+# Tuned on Example 1; in 3D, docs/evidence/linear_algebra_in_space.csv.
 FEWEST_CONDENSED_UNKNOWNS = 1_500
-# Memory is the limit: three dense matrices of this many unknowns take 0.6 GB.  Of as many each of several ranks has the
-# whole factor: with 3,900 it takes as long on two ranks as on one, and each solve twice as long.
+# Three dense matrices of this many unknowns take 0.6 GB, on each rank.
 MOST_CONDENSED_UNKNOWNS = 5_000
-# Of a nonlinear body in 3D those contact points are condensed onto that are in contact, or nearer to their shapes
-# than this many times the largest motion to be expected.  The answers do not depend on it: where another one touches,
-# the tangent is condensed once more.  Source: docs/evidence/nonlinear_costs.csv, where no tangent had to be.
+# Of a nonlinear body in 3D contact points are condensed onto that are nearer to their shapes than this many times the
+# largest motion to be expected; answers do not depend on it.  Source: docs/evidence/nonlinear_costs.csv.
 RETAINED_REACH = 0.5
-# From this number of unknowns on a Krylov method with multigrid is taken in 3D; in 2D where the memory ends; the second
-# where the contact points are so few that the system can be condensed onto them.
+# From this number of unknowns on a Krylov method is taken in 3D; the second where the system can be condensed.
 # Source: docs/evidence/linear_algebra_in_space.csv.
 FEWEST_KRYLOV_UNKNOWNS, FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = 20_000, 40_000
-# From this number of unknowns on a body that gets a Krylov method is assembled by blocks: below it a product takes less
-# time than to call it.  A coarsest mesh with more is coarsened further by aggregation.  Choice.
+# From this number of unknowns on a body with a Krylov method is assembled by blocks, and a coarsest mesh with more is
+# coarsened further by aggregation.  Choice.
 FEWEST_BLOCK_UNKNOWNS = 3_000
 # How far ahead of their use the entries of blocks are asked for, in bytes: 50 blocks of 3 x 3 in double precision.
-# Tuned on products with the block of tests/support/spaces.py: from 1,100 to 7,200 the time differs by a tenth.
+# From 1,100 to 7,200 the time of a product differs by a tenth.
 PREFETCHED_BYTES = 3_600
-# Multigrid for plain displacements takes three times as many steps for a Poisson's ratio of 0.49 as for one of 0.4, and
-# twenty times as many for 0.4999: above it a factorisation is taken.  Tuned on the block of tests/support/spaces.py.
+# Above this Poisson's ratio a factorisation is taken: multigrid takes three times as many steps as for 0.4.
 LARGEST_MULTIGRID_POISSON = 0.49
 # What a Krylov solve leaves of its residual while the sets change (inexact Newton).
 # Source: docs/evidence/whole_solves_in_space.csv.
 INEXACT_TOLERANCE = 0.03
-# Steps of a Krylov method at most.  Choice: ten times as many as it was seen to take.
+# Steps of a Krylov method at most: ten times as many as it was seen to take.  Choice.
 KRYLOV_STEPS = 1000
-# A mesh is a level of multigrid for another one whose cells are between these many times smaller: more levels of
-# nearly the same size cost more than they help, and smoothing cannot bridge more.  Choice.
+# A mesh is a level of multigrid for another one whose cells are between these many times smaller.  Choice.
 FINER_LEVELS = (1.5, 3.0)
 
-# --- nested iteration ------------------------------------------------------------------------------------------------
-
-# A node is in the middle between two coarse ones if the farther is at most this times farther away.  Choice:
-# between 1, the middle of a uniform mesh, and 3, a quarter.
+# A node is in the middle between two coarse ones if the farther is at most this times farther away.  Choice: between 1,
+# the middle of a uniform mesh, and 3, a quarter.
 MIDDLE_RATIO = 1.5
 
 # --- error estimates -------------------------------------------------------------------------------------------------
 
-# The squared error of a linear interpolant is h^3 [p']^2 / 120 per node where p is smooth, and in total nearly four
-# times that where it ends like a square root, as at the ends of contact zones.  Tuned on the scenes of
-# docs/evidence/effectivity.csv, within [0.5, 2].
+# The squared error of a linear interpolant is h^3 [p']^2 / 120 per node where p is smooth, and nearly four times that
+# where it ends like a square root.  Tuned on the scenes of docs/evidence/effectivity.csv, within [0.5, 2].
 KINK_SHARE = 1 / 33
-# At a corner where the pressure is convex it is about this times h^3 [p']^2 in the last interval.  Of projected powers
+# At a corner where the pressure is convex it is about this times h^3 [p']^2 in the last interval: of projected powers
 # r^-a with a from 0.1 to 0.48 the estimate is 2.6 to 0.52 times the error.
 CORNER_SHARE = 0.5
 # Normals that turn by more than this (radians) from one interval to the next make a corner of the body.
 CORNER_ANGLE = 0.4
-# Share of the squared residual on the boundary, times h over the stiffness, that is added to the squared error: the
-# least that compensates for what the recovered stress does not detect in the corners of the first meshes.  Tuned on the
-# first 22 random scenes, seed 1, where 0.05 and 0.1 left 0.63 and 0.67 of the error on some.
+# Share of the squared residual on the boundary, times h over the stiffness, that is added to the squared error.  Tuned
+# on random scenes: with 0.05 and 0.1 some estimates were 0.63 and 0.67 of the error.
 BOUNDARY_RESIDUAL_SHARE = 0.2
-# An error in the body reaches the contact pressure with its square, as it does every functional, times about this: 6.5
-# to 8 on meshes that were divided for the pressure alone, so that cells are marked by it.
+# An error in the body reaches the contact pressure with its square, times about this: 6.5 to 8 on meshes that were
+# divided for the pressure alone.
 POLLUTION = 6.0
-# The same of the largest pressure: tuned on half disks and spheres of degree 1, on a plane and on each other, in the
-# plane, of revolution and in 3D (tests/accuracy/test_remade_meshes.py); no others were held out.
+# The same of the largest pressure.  Tuned on half disks and spheres (tests/accuracy/test_remade_meshes.py).
 POLLUTION_OF_PEAK = 2.0
 # --- convergence table: errors and costs from mesh to mesh ------------------------------------------------------------
 
-# How errors decrease with h.  The square-root ends of the contact zone limit all but the peak.  Rates observed on two
-# or three meshes scatter too much: where an end is at a node, one change is small and the next one large.
-# Tuned on Example 1, against a reference solution of much higher accuracy.
+# How errors decrease with h; the ends of the contact zone limit all but the peak.  Tuned on Example 1; observed rates
+# scatter too much.
 EXPECTED_RATES = {"pressure": 1.25, "force": 2.0, "zone": 1.0, "peak": 1.5}
 # The rate of the displacement is the observed one, within these limits.  Choice.
 ENERGY_RATES = (0.5, 2.0)
 # Number of previous changes between meshes that an estimate uses.  Choice.
 CHANGES_USED = 3
 # The error that a polygon causes in each quantity, over ``LevelResult.polygon``; that of forces is the square of that
-# of the pressure.  Tuned on a round lip pressed onto a plane, with 1 to 39 nodes in contact: 0.02 to 0.14, 0.12 to
-# 0.29, and 0.6 to 1.4, forces 0.006 to 0.04 over the square, the largest of each where a single node is in contact.
+# of the pressure.  Tuned on a round lip pressed onto a plane, with 1 to 39 nodes in contact.
 POLYGON_SHARES = {"energy": 0.04, "pressure": 0.15, "peak": 0.5}
 # The error of a force over the squared one of the displacement in the energy norm, at least, on meshes that are divided
-# here and there.  Tuned on bodies in 3D with random loads: 0.09 to 0.29; where displacements press it is 0.4 to 3.
+# here and there.  Tuned on bodies in 3D with random loads: 0.09 to 0.29.
 FORCE_OF_ENERGY = 0.12
-# The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, each
-# finer there by ``SMALLEST_JUMP``, and hardly less (this share) on the last.  Fixed on the random scenes, seed 1.
+# The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, and
+# hardly less (this share) on the last.  Fixed on random scenes.
 GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 2, 0.05, 0.6
 # An error that decreases by less than this from mesh to mesh is taken not to decrease at all.  Choice.
 SLOWEST_DECREASE = 0.95
-# Sparse factors, by dimension: in 2D time between n for all else and n^1.5, memory n log n; in 3D time
-# between n and n^2, memory n^(4/3).  Tuned on docs/evidence/prediction.csv, in 3D on its block.
+# Powers of the number of unknowns that time and memory of sparse factors grow with, by dimension.
+# Tuned on docs/evidence/prediction.csv.
 TIME_POWER = {2: 1.2, 3: 1.6}
 MEMORY_POWER = {2: 1.1, 3: 1.3}
-# At least this share of the time is taken to grow: the previous mesh may have had a cold start, or a busy machine.
-# Tuned by the same.
+# At least this share of the time is taken to grow: the previous mesh may have had a cold start.  Tuned by the same.
 LEAST_GROWING_TIME = 0.25
-# The forecast of what a smaller error costs is for this share of the error: a digit; in 3D, where a digit takes a
-# thousand times the unknowns, half.  Choice.
+# The forecast of what a smaller error costs is for this share of the error.  Choice.
 NEXT_ERROR = {2: 0.1, 3: 0.5}
-# The error of the stress decreases like h to this power where all cells become smaller.  Tuned on the uniform meshes of
-# docs/evidence/forecasts.csv: 0.69 to 0.91 in 3D; rubber and metal in 2D: 0.72 to 1.04.
+# The error of the stress decreases like h to this power where all cells become smaller.
+# Source: docs/evidence/forecasts.csv: 0.69 to 0.91 in 3D; rubber and metal in 2D: 0.72 to 1.04.
 UNIFORM_RATE = 0.8
-# A solve takes as long as if it had so many unknowns more, each of the same time, by dimension.  Tuned like the next
-# three on 46 runs of 36 problems of demos/studies/forecast_problems.py (f2e60129) in 2D, without arcs; in 3D on six of
-# them.
+# A solve takes as long as if it had so many unknowns more, by dimension.  Tuned like the next three on 46 runs of 36
+# problems of demos/studies/forecast_problems.py (f2e60129).
 FIXED_UNKNOWNS = {2: 2300.0, 3: 400.0}
 # Meshes that are divided where the error is: unknowns of the first one, growth from each to the next, and those of the
 # mesh with the error of a uniform one, over the square root of the unknowns of that.
 FIRST_UNKNOWNS, LOCAL_GROWTH, LAST_UNKNOWNS = 300.0, 1.7, 14.0
-# Meshes on the way take this many times as long as their solves.  Tuned like the next two by the median of 65 problems
-# of docs/evidence/forecasts.csv.
+# Meshes on the way take this many times as long as their solves.  Tuned like the next two on the
+# problems of docs/evidence/forecasts.csv.
 MESHES_TIMES = 1.8
 # Half of the error on tetrahedra of degree 2 takes as long as a mesh of degree 1 with so many unknowns, and so many
 # times those of the mesh that was solved.
@@ -166,22 +139,19 @@ SPACE_FIXED, SPACE_GROWTH = 6500.0, 3.0
 LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.1
 # --- solution to a given accuracy ------------------------------------------------------------------------------------
 
-# Generated meshes begin with cells this many times as large as those of the scene; quadratic ones with as many
-# unknowns. Choice, by degree.
+# Generated meshes begin with cells this many times as large as those of the scene, by degree.  Choice.
 COARSER_START = {1: 4, 2: 8}
-# Estimates are multiplied by this, that of the displacement, by degree, by the second: what they may be too small by.
+# Estimates are multiplied by this, that of the displacement, by degree, by the second.
 # Source: docs/evidence/effectivity.csv, where they are, displacement 0.79 to 1.14, pressure 0.50 to 1.85.
 MARGIN = 2.0
 MARGIN_OF_ENERGY = {1: 1.7, 2: 1.4}
 # Share of the allowed error that the regularisation may take.  Choice.
 REGULARISATION_SHARE = 0.2
-# By dimension: a mesh is at most this many times finer than the previous one, whose contact state is its start and
-# whose rates are used; twice as fine has eight times the unknowns in 3D.  Where meshes are compared it is at least
-# this much finer, because small changes mean little.  No record.
+# By dimension: a mesh is at most this many times finer than the previous one; where meshes are compared at least the
+# second.  No record.
 LARGEST_JUMP = {2: 4.0, 3: 2.0}
 SMALLEST_JUMP = 1.5
-# Share of the squared error that is refined (Doerfler): at least half, or there would be many meshes; and not much more
-# than needed.  No record.
+# Share of the squared error that is refined (Doerfler), from and to.  No record.
 BULK = (0.5, 0.75)
 
 # --- check: what a solve will cost -----------------------------------------------------------------------------------
@@ -191,45 +161,41 @@ BULK = (0.5, 0.75)
 SOLVES_PER_DOUBLING = (0.7, 3.0)
 # Linear solves that start from the sets of the previous load step, or of the coarser mesh, from and to.  No record.
 SOLVES_OF_START = (2, 5)
-# Entries of a sparse factor by dimension, over n log2 n, in 3D over n^(4/3): nested dissection.  Seconds of the
-# factorisation over n^1.5, in 3D n^2, and of what else there is, solves included, over n.
-# Tuned with CHOLMOD and MUMPS on one core; test_cost_model.py compares those of the plane with MUMPS's counts.
+# Entries of a sparse factor by dimension, over n log2 n, in 3D over n^(4/3).  Seconds of the factorisation over n^1.5,
+# in 3D n^2, and of what else there is over n.  Tuned with CHOLMOD and MUMPS on one core; see test_cost_model.py.
 FACTOR_ENTRIES = {2: 5.0, 3: 9.0}
 FACTOR_SECONDS = {2: 3e-9, 3: 4e-10}
 SOLVE_SECONDS = 1e-6
 # Dense Cholesky, operations a second.  No record.
 DENSE_SPEED = 2e10
-# Seconds per unknown to set up multigrid, and of a solve, of which few are exact.  Between those with coarser meshes as
-# levels, 3e-6 and 1.5e-6, and those by aggregation, 1.5e-5 and 6e-6, on the block of tests/support/spaces.py with 6,075
-# to 316,899 unknowns; see docs/evidence/multigrid_levels.csv.
+# Seconds per unknown to set up multigrid, and of a solve, of which few are exact; see
+# docs/evidence/multigrid_levels.csv.
 KRYLOV_SECONDS = 5e-6
 # Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown, or a cell at least.
 # No record.
 BASE_BYTES, BYTES_PER_DOF = 1.4e8, 1.0e3
-# Bytes more for each contact node of a body that is against another one, where contact widens the rows of the matrices:
-# peaks of solves in 3D with 1,764, 5,041 and 40,804 such nodes of degree 1 (193 to 202 kB), and 1,502 in 2D.
+# Bytes more for each contact node of a body that is against another one: peaks of solves in 3D with 1,764 to 40,804
+# such nodes of degree 1 (193 to 202 kB), and 1,502 in 2D.
 PAIRED_BYTES = {2: 1.7e4, 3: 2.0e5}
-# Share of the machine's memory above which check warns that a scene needs too much, and no finer mesh is begun.
-# Choice.
+# Share of the machine's memory above which check warns, and no finer mesh is begun.  Choice.
 MEMORY_SHARE = 0.8
 
 # --- load steps -------------------------------------------------------------------------------------------------------
 
-# A load step of a ramp with at most this many linear solves is easy: a block that is pushed takes 2 to 4 in each step
-# with Tresca friction, 9 to 12 with the fixed point of Coulomb friction, 15 and more near the limit of friction.  Two
-# easy ones double the increment, up to this many times the one that was asked for, so that the curve keeps its points.
+# A load step of a ramp with at most this many linear solves is easy: a pushed block takes 2 to 4 with Tresca friction,
+# 9 to 12 with that of Coulomb, 15 and more near the limit.  Two easy ones double the increment, up to the second times
+# the one that was asked for.
 EASY_STEP = 12
 LARGEST_INCREMENT = 2.0
 # Where a ramp ends without a solution, its last increment is no larger than this share of the load since the last
-# factor (a limit load is wanted to 1 %), or, if nothing was reached, this share of the increment that was asked for.
+# factor, or, if nothing was reached, the second share of the increment that was asked for.
 ENCLOSED = 0.005
 SMALLEST_INCREMENT = 1e-5
 
 # --- what is the same but for round-off ------------------------------------------------------------------------------
 
 # A share whose square is round-off: components of unit vectors along a direction that they do not have, distances of
-# places that are one, over the size of the body, resistance to a motion that nothing holds, over that to others,
-# strains that carry nothing, the last increment but one of Newton's method.  Choice.
+# places that are one, over the size of the body, resistance to a motion that nothing holds.  Choice.
 ROOT_OF_EPS = 1e-8
 # What assemblies, linear solves and sums over a mesh leave of what should vanish, as a share of the largest one or of
 # the forces.  Choice: ten times what direct solves leave; docs/evidence/whole_solves_in_space.csv.
@@ -246,22 +212,20 @@ ZERO_COMPONENT = 1e-14
 # of their terms are zero.  Choice: a thousand units of round-off for each of a few terms.
 SAME_NUMBER = 1e-12
 # Lengths and distances, as shares of the size of the body, the facet or the edge that they belong to, and places on a
-# load path, that are equal although they were computed in different ways.  Choice: far above the round-off of
-# coordinates, and below what meshes in files resolve.
+# load path, that are equal although they were computed in different ways.  Choice.
 SAME_LENGTH = 1e-9
 # What is computed from a solution (forces, pressures, displacements, normals of facets) below this share of the largest
 # one is round-off.  Choice: solves leave up to 1e-10 of the forces.
 ZERO_IN_SOLUTION = 1e-9
 
 # What a projection, an assembly or an elimination leaves below this share of the largest one is round-off: entries,
-# pivots and eigenvalues of matrices, parts of facets and cells, motions and loads.  Choice: far below the softest
-# motion of a body that is held.
+# pivots and eigenvalues of matrices, parts of facets and cells, motions and loads.  Choice.
 NOTHING_LEFT = 1e-10
 # Forces are round-off below this share of all loads, of stiffness times displacement, or of those of the largest piece,
 # and Newton's method ends at a residual as large.  Choice.
 NO_FORCE = 1e-8
-# Drawings and files have few digits, and so has the place of a point in a cell: points are one, faces plane and
-# directions parallel within this share of their size or this angle in radians.  Choice: single precision.
+# Points of drawings and files are one, faces plane and directions parallel within this share of their size or this
+# angle in radians.  Choice: single precision.
 DIGITS_OF_FILES = 1e-6
 # Numbers of a scene are between this and its inverse, in any units, or energies and forces overflow.  Choice.
 LARGEST_NUMBER = 1e60
@@ -272,39 +236,37 @@ MANY_STEPS = 50
 
 # --- algorithms ------------------------------------------------------------------------------------------------------
 
-# Interior points are asked for sets after the first number of full steps, if in the last three the contact set has
-# changed its size, at least ``DECIDED`` as many points have changed as in the three before, and full steps would not be
-# through with all points in the second number of steps, which is the most that interior points take; and whatever has
-# changed after that many full steps.  None of 400 random compact problems gets there, nor do the tables of the paper;
-# with 6 steps and a share of 0.6 two of 200 did.
+# Interior points are asked for sets after the first number of full steps, if the sets do not settle: in the last three
+# the contact set has changed its size, at least ``DECIDED`` as many points have changed as in the three before, and
+# full steps would take more than the second number; else after that number.  Tuned on 400 random compact problems.
 SLOW_STEPS, SLOWEST_STEPS = 7, 25
-# They begin on a foundation whose stiffness is NEGLIGIBLE beside the natural one, where slender bodies take a third of
-# the solves that they take on one of stiffness gamma.  They propose sets once their products are as small a share of
-# the first ones, a step has gone at least this share of its way, and the sets of at most one point still change.
+# They propose sets once their products are NEGLIGIBLE beside the first ones, a step has gone at least this share of its
+# way, and the sets of at most one point still change.
 DECIDED = 0.7
-# Residuals are measured by forces that are at least this share of stiffness times displacement, of which
-# NO_FORCE is then still above round-off; an inexact Krylov solve leaves no less of the forces.  Choice.
+# Residuals are measured by forces that are at least this share of stiffness times displacement, of which NO_FORCE is
+# still above round-off.  Choice.
 ATTAINABLE_SHARE = 1e-7
 
 # --- assembly, contact boundaries and supports -----------------------------------------------------------------------
 
-# Two bodies are as stiff as each other, and their facets as large, within these ratios: which of them carries the
-# contact pressures makes no difference then.  No record.
+# Two bodies are as stiff as each other, and their facets as large, within these ratios.  No record.
 STIFFER_BODY, COARSER_FACETS = 2.0, 1.25
 # Nodes of a finer mesh are looked for this share of a coarse cell's size outside the coarser one: curved boundaries.
 # Choice.
 OUTSIDE_COARSER_MESH = 0.25
 # Largest component across a plane of symmetry of a normal that is the mean over the facets of one half of a smooth
-# surface: half of the angle between facets.  Surfaces that are more askew to the plane have an edge there.  Choice.
+# surface.  Choice.
 ASKEW_NORMAL = 0.2
 # Above this Poisson's ratio fully integrated elements lock visibly, and check says so.  Choice.
 LOCKING_POISSON = 0.45
 
-# --- statics and limit loads -----------------------------------------------------------------------------------------
+# --- statics, limit loads and sections with a preload ----------------------------------------------------------------
 
 # Contact forces beyond this multiple of the loads balance nothing: round-off would.  Coulomb friction above it is
-# treated as unlimited: its cone leaves eight digits of a pressure.  Choice.
+# treated as unlimited.  Choice.
 LARGEST_BALANCING_FORCE = 1e4
+# A section that holds less than its force over this is shortened by at most this many times more.  No record.
+SHORTENED_AT_MOST = 30.0
 
 # --- bounds of the error ---------------------------------------------------------------------------------------------
 
@@ -312,21 +274,21 @@ LARGEST_BALANCING_FORCE = 1e4
 # times.  Tuned on random scenes of two bodies in 3D.
 PARTS_OF_EDGE, DIVISIONS = 3, 2
 # Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the condition of a
-# tetrahedron.  Source: those of turned ones, which are the same, differ by a third of this at most, see
-# tests/bounds/test_lifted_tractions.py.
+# tetrahedron.  Source: tests/bounds/test_lifted_tractions.py: those of turned ones differ by a third of this at most.
 ROUNDED_FORMS = 1e3
 
-# --- check: what it warns of -----------------------------------------------------------------------------------------
+# --- check and drafts: what they warn of -----------------------------------------------------------------------------
 
 # A gap is far if it is this many times larger than prescribed displacements; above so many times the yield stress a
 # share is no longer told in per cent.  Choice.
 FAR_GAP = 10.0
+# Contact that is stiffer than this times E over the size of the body is hard to four digits: a draft says so.  Choice.
+HARD_CONTACT = 1e4
 # --- derivatives and friction laws of users --------------------------------------------------------------------------
 
-# Change of a datum or a Constant for a difference of residuals, relative to it, or to the natural unit of one that is
-# zero, strain for a difference of energies, share of displacement and tractions for one of a quantity, and share of the
-# size of the body for one of distances and normals.  Choice: the cube root of the unit of round-off is best for central
-# differences.
+# Change of a datum for a difference of residuals, relative to it or to its natural unit; strain for a difference of
+# energies; share of displacement and tractions for one of a quantity, and of the size of the body for one of distances.
+# Choice: the cube root of the unit of round-off is best for central differences.
 DIFFERENCE_STEP = 1e-5
 # Constants of forms: half widths from which the limit is extrapolated.  Choice: smooth data settle after three to five
 # widths; narrow differences of slender bodies are wrong by 1e-5 to 7e-4.
@@ -334,16 +296,10 @@ WIDEST_DIFFERENCE, WIDTHS_OF_DIFFERENCE = 1e-2, 6
 # A displacement that would be magnified by no more than this is drawn as it is.  Choice.
 SEEN_AS_IT_IS = 2.5
 # What a law of a user's own says of itself is tried at about so many of its points, from this power of ten of the
-# modulus up to the modulus, at so many pressures in each decade.  It may be wrong by this share of
-# the slopes of its chords between neighbouring pressures, and by so much less a distance of a shape may grow along its
-# normals, which are smoothed where facets meet.  Choice.
+# modulus up to the modulus, at so many pressures in each decade.  It may be wrong by the last share, and by so much
+# less a distance of a shape may grow along its normals.  Choice.
 TRIED_POINTS, SMALLEST_PRESSURE, PRESSURES_PER_DECADE = 50, -9, 32
 WRONG_SLOPE = 1e-2
-
-# --- sections with a preload -----------------------------------------------------------------------------------------
-
-# A section that holds less than its force over this is shortened by at most this many times more.  No record.
-SHORTENED_AT_MOST = 30.0
 
 # --- limits of time and memory ---------------------------------------------------------------------------------------
 
@@ -354,11 +310,9 @@ ERROR_PATIENCE = 30.0
 PROGRESS_PAUSE = 0.2
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
-# Cells become longer by this much per length away from facets of a given length.  Choice: at the depth of Hertz's half
-# width, eight facets, cells are three facets long.
+# Cells become longer by this much per length away from facets of a given length.  Choice.
 SIZE_GROWTH = 0.25
-# Of a mesh that is made anew cells are at least this share of their length on the last one.  Choice: the errors of a
-# mesh say little of cells that are much smaller.
+# Of a mesh that is made anew cells are at least this share of their length on the last one.  Choice.
 SHORTEST_CHILD = 0.25
 # Half of the facets may not be longer than this times what was asked for.  Choice: the longest edges of triangles of
 # gmsh are 1.2 times as long as their mean.
@@ -367,15 +321,10 @@ LONGEST_FACET = 1.4
 # curved boundary between the nodes of another mesh.  Choice.
 OUTSIDE_HULL = 0.02
 
-# --- decks -----------------------------------------------------------------------------------------------------------
-
-# Contact that is stiffer than this times E over the size of the body is hard to four digits: a draft says so.  Choice.
-HARD_CONTACT = 1e4
-
 # --- contact between two bodies --------------------------------------------------------------------------------------
 
 # Share of the size of a side by which the bodies may overlap, and within which facets are partners, beyond the smallest
-# distance of both sides.  Choice: more is a mistake in a scene.
+# distance of both sides.  Choice.
 DEEPEST_OVERLAP = 0.2
 # Share of its weight that a function must keep to carry a point.  No record.
 KEPT_WEIGHT = 0.03
@@ -397,11 +346,10 @@ CERTIFICATE_TOLERANCE = 1e-6
 FEW_NODES = 8
 # Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.  Choice.
 LOST_UNITS = 100.0
-# Units in the last place of the largest coordinate that distances and lengths of sides may lose.  Choice: of scenes 1e6
-# times their size away from the origin nodal forces lost one over the length of a side, distances two.
+# Units in the last place of the largest coordinate that distances and lengths of sides may lose.  Choice: nodal forces
+# lost one over the length of a side, distances two.
 UNITS_OF_PLACES = 10.0
-# A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area: on straight facets of
-# unequal lengths it is no exact zero.  Choice.
+# A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area.  Choice.
 CLOSED_BOUNDARY = 0.01
 # Angles within a body that differ by less than these degrees are equal.  Choice.
 SAME_ANGLE = 1.0
@@ -415,13 +363,12 @@ BROAD_PICTURE = 1.6
 BODY_INCHES, NARROWEST = 4.8, 3.4
 PIXELS_PER_INCH = 240.0
 # How far a foundation is drawn beside the body, over its longest side, and on a grid of how many lines along that, in
-# the plane and in 3D; a round one whose diameter is at most about this share of that side is drawn whole.
+# 2D and in 3D; a round one whose diameter is at most about this share of that side is drawn whole.
 FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION = 0.25, 300, 40, 0.7
-# Margin around a contact boundary, over its longer side: a plane ends there, and arrows need room.
+# Margin around a contact boundary, over its longer side.
 SURFACE_MARGIN = 0.08
 # If the surroundings of the contact are less than this share of a boundary, only they are drawn; contact on less than
-# this share of the diagonal of the body is enlarged; a gap that is magnified to more than the first one of it leaves
-# the picture.
+# this share of the diagonal of the body is enlarged.
 SMALL_PART, SMALL_ZONE = 0.5, 0.2
 # Length of a mean normal below which a boundary is drawn as a closed one.
 CLOSED_IN_PICTURE = 0.3
@@ -453,38 +400,35 @@ ALONG_AXIS = 0.99
 # After an increment below the first share of the largest displacement, and the second of the one before, the next one
 # has the same tangent.  Choice.
 KEPT_TANGENT = 3e-5, 0.1
-# Share of the first slope up to which an increment is accepted.  Source: a prototype on a disc with J2 plasticity that
-# fails without a line search.
+# Share of the first slope up to which an increment is accepted.  Source: a disc with J2 plasticity that fails without a
+# line search.
 WHOLE_SLOPE = 0.5
 # Evaluations of the residual in a line search.  Choice.
 LINE_SEARCH_STEPS = 12
-# Linear solves of a load step of a nonlinear body, from and to, those of its contact problems included.  Measured with
-# and without friction, of rubber and metal.
+# Linear solves of a load step of a nonlinear body, from and to, of rubber and metal, with and without friction.
 NEWTON_SOLVES = (5, 18)
 # A ramp takes a step twice as large after one of at most as many iterations.  Choice.
 FEW_NEWTON_ITERATIONS = 6
 # What a slip loses, as a share, as its tangent plane turns by the way to a hollow shape, at most.  Choice.
 MOST_TURNED = -0.5
-# Below this relative difference of two stretches squared a series takes the place of powers of both: their difference
-# loses as many digits as the series leaves out.  Choice, from both errors.
+# Below this relative difference of two stretches squared a series takes the place of powers of both.  Choice, from the
+# errors of both.
 EQUAL_STRETCHES = 0.01
-# Below this distance from one a series takes the place of powers and logarithms less their tangents: their difference
-# loses as many digits as the series up to the sixth power leaves out.  Choice, from both errors.
+# Below this distance from one a series up to the sixth power takes the place of powers and logarithms less their
+# tangents.  Choice, from the errors of both.
 NEAR_ONE = 1e-3
 # What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
 # diagonal.  Choice.
 HOLDING_STIFFNESS = 1e4
 # A tangent is tried by differences of the residual over these strains, and is its derivative if both differ by less
 # than the last number, as a share of the norm, over one of them.  Choice: the first is far below the strain at which
-# metals yield, where over 1e-5 differences of a radial return are wrong by more; round-off of neo-Hookean forces is
-# 1e-9 of them; the stress that buckles a slender column is 1e-3 of its modulus.  The second is for a cell that is so
-# near to its yield stress that the first one leads across: of demos/dent.py one step in thirteen.
+# metals yield; the second is for a cell that is so near to its yield stress that the first one leads across.
 DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
-# Forces up to so many units of the round-off of a residual are taken for no load: those of bodies at rest have up to
-# one, and what was measured of unstressed ones .2.  Choice.
+# Forces up to so many units of the round-off of a residual are taken for no load: of bodies at rest they have up to
+# one.  Choice.
 UNITS_OF_NO_LOAD = 4.0
 # The strain, in units of round-off, over which a residual is taken to be linear, so that what its second difference
-# shows is round-off.  Choice: many such units, and a strain whose square is far below the unit.
+# shows is round-off.  Choice.
 UNITS_OF_DIFFERENCE = 500.0
 # Share of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
 # the body; it is moved by half of it at a time to see its way.  Choice: a chord between two nodes cuts a circle whose
@@ -493,7 +437,7 @@ SHAPE_INSIDE = 0.5
 # Places on its way at most.  Choice: a search of all cells for each of them.
 MOST_PLACES = 400
 # Points along each axis of the grid on which the middle of the largest ball in a surface of a file is sought.  Choice:
-# an odd number, so that the middle of a ball is on it; in 3D its 729 distances take milliseconds.
+# an odd number, so that the middle of a ball is on it.
 INRADIUS_GRID = 9
 # Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
 SHAPE_MIDDLE = 0.9
