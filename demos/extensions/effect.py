@@ -14,9 +14,7 @@ class Magnet(Force):
     radius: Positive  # how far it is felt, length
     strength: TimedValue  # force per area at its centre
 
-    @property
-    def given(self):
-        return {"strength": self.strength}
+    value_keys = ("strength",)
 
     def degree(self, element):
         return 10

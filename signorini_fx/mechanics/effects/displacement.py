@@ -34,6 +34,7 @@ class PrescribedDisplacement(Load):
     """
 
     key: ClassVar[str] = "displacement"
+    value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z", "normal", "rotation")
     vectors: ClassVar[tuple[str, ...]] = ("at", "about")
 
     boundary: str | None = None
@@ -104,12 +105,6 @@ class PrescribedDisplacement(Load):
 
         first, second, third = map(moved, (self.x, self.y, self.z), across)
         return first, second, third
-
-    @property
-    def given(self) -> dict[str, Any]:
-        keys = ("x", "y", "z", "normal", "rotation")
-        entries = {key: getattr(self, key) for key in keys}
-        return {key: value for key, value in entries.items() if value is not None}
 
     @property
     def acts(self) -> bool:

@@ -47,17 +47,10 @@ class SurfaceTraction(VectorForce):
     """
 
     key: ClassVar[str] = "traction"
+    value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z", "pressure")
+
     boundary: str
     pressure: TimedValue = 0.0
-
-    @property
-    def given(self) -> dict[str, Any]:
-        return {**super().given, "pressure": self.pressure}
-
-    @property
-    def pressure_acts(self) -> bool:
-        """Whether it has a pressure."""
-        return not is_zero(self.pressure)
 
     def density(self, on: Coefficients) -> Any:
         traction = super().density(on)
@@ -129,16 +122,13 @@ class Rotation(Force):
         factors: one number per load step, which multiplies the force; None: 1 in every step.
     """
 
+    value_keys: ClassVar[tuple[str, ...]] = ("speed",)
     vectors: ClassVar[tuple[str, ...]] = ("about", "axis")
     carried: ClassVar[bool] = True
 
     speed: TimedValue
     about: Vector | None = None
     axis: Direction | None = None
-
-    @property
-    def given(self) -> dict[str, Any]:
-        return {"speed": self.speed}
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         yield from _without_density(statement, "rotation") if self.acts else ()
@@ -168,14 +158,12 @@ class Fluid(Force):
         factors: one number per load step; None: 1 in every step.
     """
 
+    value_keys: ClassVar[tuple[str, ...]] = ("level", "weight")
+
     boundary: str
     level: TimedSampledValue
     weight: NonNegative
     up: Literal["x", "y", "z"] | None = None
-
-    @property
-    def given(self) -> dict[str, Any]:
-        return {"level": self.level, "weight": self.weight}
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
         if self.up == "x" and statement.kinematics.refused_axis((1.0, 0.0)):
@@ -286,6 +274,8 @@ class Springs(Resistance):
         z: stiffness per area along x[2], stress / length; only in 3D.
     """
 
+    value_keys: ClassVar[tuple[str, ...]] = ("normal", "tangential", "x", "y", "z")
+
     boundary: str
     normal: NonNegativeValue = 0.0
     tangential: NonNegativeValue = 0.0
@@ -299,11 +289,6 @@ class Springs(Resistance):
         if not named or (named & {"x", "y", "z"} and named & {"normal", "tangential"}):
             raise ValueError("give either normal and tangential or x and y, or one of them")
         return self
-
-    @property
-    def given(self) -> dict[str, Any]:
-        keys = ("normal", "tangential", "x", "y", "z")
-        return {key: getattr(self, key) for key in keys if key in self.model_fields_set}
 
     def reaction(self, y: Any, on: Coefficients) -> Any:
         """K y with K = k_n n n^T + k_t (I - n n^T), or diagonal, see ``Resistance``."""

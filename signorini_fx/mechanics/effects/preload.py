@@ -28,6 +28,7 @@ class Preload(Load):
         factors: one number per load step, by which force or shortening are multiplied; None: 1 in every step.
     """
 
+    value_keys: ClassVar[tuple[str, ...]] = ("force", "shortening")
     vectors: ClassVar[tuple[str, ...]] = ("point", "axis")
     strains: ClassVar[bool] = True
     grouped: ClassVar[bool] = False
@@ -61,11 +62,6 @@ class Preload(Load):
         if self.section is not None:
             return self.section
         return f"at ({', '.join(f'{x:g}' for x in self.point or ())})" if self.region is None else self.region
-
-    @property
-    def given(self) -> dict[str, Any]:
-        key = "shortening" if self.force is None else "force"
-        return {key: getattr(self, key)}
 
     @property
     def features(self) -> Features:

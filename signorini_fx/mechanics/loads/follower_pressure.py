@@ -21,7 +21,7 @@ from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import AXISYMMETRIC, Kinematics, position
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.statement.effect import Force
+from signorini_fx.mechanics.statement.effect import Force, is_zero
 from signorini_fx.mechanics.statement.statement import Statement
 
 
@@ -51,7 +51,7 @@ def _traction(pressure: Any, u: fem.Function, kinematics: Kinematics) -> Any:
 def following(statement: Statement) -> list[Any]:
     """The tractions of a statement whose pressure follows the body: where materials know finite strains."""
     tractions = statement.effects.get("traction", ()) if statement.finite_strains else ()
-    return [traction for traction in tractions if traction.pressure_acts]
+    return [traction for traction in tractions if not is_zero(traction.pressure)]
 
 
 def carried_loads(statement: Statement) -> list[Any]:

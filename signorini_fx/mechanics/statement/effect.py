@@ -125,6 +125,8 @@ class Effect(Table):
     strains: ClassVar[bool] = False
     # Whether it acts at single nodes, without any form, see ``loads.supports``.
     nodal: ClassVar[bool] = False
+    # The keys of its values.
+    value_keys: ClassVar[tuple[str, ...]] = ()
     # The keys of points and directions, which have as many numbers as the mesh has dimensions.
     vectors: ClassVar[tuple[str, ...]] = ()
 
@@ -154,8 +156,9 @@ class Effect(Table):
 
     @property
     def given(self) -> dict[str, Any]:
-        """Its values by their keys; those that are None or left out do not act."""
-        return {}
+        """Its values by their keys, without those that are None."""
+        values = {key: getattr(self, key) for key in self.value_keys}
+        return {key: value for key, value in values.items() if value is not None}
 
     @property
     def acts(self) -> bool:
@@ -215,6 +218,8 @@ class Force(Load):
 class VectorForce(Force):
     """Force with components along x[0], x[1] and, in 3D, x[2]."""
 
+    value_keys: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+
     x: TimedValue = 0.0
     y: TimedValue = 0.0
     z: TimedValue = 0.0
@@ -223,10 +228,6 @@ class VectorForce(Force):
     def components(self) -> tuple[Any, Any, Any]:
         """Along x[0], x[1] and x[2], which is not used in 2D."""
         return self.x, self.y, self.z
-
-    @property
-    def given(self) -> dict[str, Any]:
-        return dict(zip("xyz", self.components, strict=True))
 
     def density(self, on: Coefficients) -> Any:
         return on.vector(self.components)
