@@ -4,7 +4,7 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx import sensitivity
-from signorini_fx.addons.derivatives.entries import varied
+from signorini_fx.addons.derivatives.of_scene import varied
 
 COMM = MPI.COMM_WORLD
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from typing import Any
@@ -14,7 +14,6 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from signorini_fx.addons.derivatives.adjoint import Explicit
-from signorini_fx.addons.derivatives.entries import entry_of, varied
 from signorini_fx.addons.derivatives.gradient import (
     By,
     ChangedStep,
@@ -24,23 +23,27 @@ from signorini_fx.addons.derivatives.gradient import (
     elastic_forces,
     explicit,
 )
-from signorini_fx.addons.derivatives.of_nonlinear_scene import NonlinearSteps
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.body.discretisation import contact_of, law_of, moved_since, placed, prepare
+from signorini_fx.mechanics.body.discretisation import contact_of, held_at, law_of, moved_since, placed, prepare
+from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
+from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
+from signorini_fx.mechanics.statement.effect import Load, Resistance
+from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.features import refuse
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.differentiable import Functional, functional_of
 from signorini_fx.records import History, Timings
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.nonlinear import problem_of
-from signorini_fx.scenes.reading import as_scene
+from signorini_fx.scenes.nonlinear import ProblemOfScene, ReachedStep, problem_of
+from signorini_fx.scenes.reading import PATH, as_scene, way_of
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.load_steps import LoadStep
 from signorini_fx.solving.solve_on_mesh import solve_mesh
+from signorini_fx.tuned import DIFFERENCE_STEP
 
 Array = npt.NDArray[np.float64]
 # Features of a scene that have no derivatives.
@@ -52,6 +55,12 @@ REFUSES = {
     "requested accuracy": "derivatives are those of one mesh, and meshes of a requested accuracy jump with the data: "
     "leave it out",
 }
+# Features of a scene with nonlinear materials that have no derivatives.
+REFUSES_IF_NONLINEAR = {
+    "contact of two bodies": "derivatives are not possible yet where two nonlinear bodies touch",
+    "driven foundation": "derivatives are not possible yet where a force moves it on a nonlinear body",
+}
+_EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
 
 
 @dataclass(frozen=True)
@@ -123,7 +132,7 @@ def sensitivity(
     wanted = [of] if isinstance(of, str) else list(of)
     if scene.statement.nonlinear:
         problem = partial(problem_of, scene, comm, History())
-        sensitivities = _sensitivities(NonlinearSteps.solved(scene.statement, problem), wanted, by)
+        sensitivities = _sensitivities(_NonlinearSteps.solved(scene.statement, problem), wanted, by)
     else:
         sensitivities = _sensitivities(_Steps.solved(scene, comm), wanted, by)
     return sensitivities[0] if isinstance(of, str) else sensitivities
@@ -194,17 +203,25 @@ class _Steps:
         statements = [self.statement.changed(**entries) for entries in changes]
         if path.startswith("material") and path.rpartition(".")[2] in ("young", "poisson"):
             return _by_modulus(self.steps[0].model, statements, change)
-        above, below = (cache(_data(statement, self.steps, path)) for statement in statements)
+        data = [cache(_data(statement, self.steps, path)) for statement in statements]
+        at = [lambda step, data=side: data(step.number) for side in data]
+        before = [lambda step, data=side: data(step.number - 1) for side in data]
+        return _by_difference(at, before, change)
 
-        def evaluated(step: _Step, quantities: Sequence[Functional]) -> Explicit:
-            k, earlier = step.number, step.earlier
-            high, low = (
-                explicit(step.solved, data(k), quantities, None if earlier is None else (earlier, data(k - 1)))
-                for data in (above, below)
-            )
-            return difference(high, low, change)
 
-        return evaluated
+def _by_difference(
+    at: Sequence[Callable[[Any], ChangedStep]], before: Sequence[Callable[[Any], ChangedStep]], change: float
+) -> By:
+    """From what gives the data of a load step, and those of the step before, with a larger and a smaller number."""
+
+    def evaluated(step: _Step | _LinearisedStep, quantities: Sequence[Functional]) -> Explicit:
+        high, low = (
+            explicit(step.solved, now(step), quantities, step.earlier and (step.earlier, last(step)))
+            for now, last in zip(at, before, strict=True)
+        )
+        return difference(high, low, change)
+
+    return evaluated
 
 
 def _check(statement: Statement) -> None:
@@ -216,9 +233,9 @@ def _check(statement: Statement) -> None:
     refuse(statement, REFUSES)
 
 
-def _sensitivities(steps: _Steps | NonlinearSteps, of: list[str], by: Sequence[str]) -> list[Sensitivity]:
+def _sensitivities(steps: _Steps | _NonlinearSteps, of: list[str], by: Sequence[str]) -> list[Sensitivity]:
     statement, model = steps.statement, steps.models[-1]
-    entries = [entry_of(statement, path, model.tagged.size, model.dimension) for path in by]
+    entries = [_entry_of(statement, path, model.tagged.size, model.dimension) for path in by]
     quantities = [_at_step(steps.models, text) for text in of]
     data = [steps.by(path, change) for path, (_, change) in zip(by, entries, strict=True)]
     slopes, values, between = columns(len(steps.models), steps.at, quantities, data)
@@ -317,3 +334,219 @@ def _loads(model: Model, load_step: float) -> dict[str, Any]:
         "forces": sum((factor * load.forces for factor, load in applied), zero),
         "prescribed": sum((factor * load.start for factor, load in applied), zero),
     }
+
+
+# --- scenes with nonlinear materials ---------------------------------------------------------------------------------
+
+# An equilibrium at finite displacements has the derivative of its last linearised problem, formed anew at the solution,
+# with contact forces that turn with the body.  What a material or a load changes of the residual is a difference of the
+# residual that the certificate evaluates: nothing is compiled.
+
+
+@dataclass(frozen=True)
+class _NonlinearSteps:
+    """The load steps of a scene, and the problem that has solved them."""
+
+    problem: ProblemOfScene
+    reached: list[ReachedStep]
+    solution: Solution
+
+    @classmethod
+    def solved(cls, statement: Statement, problem_of: Callable[[], ProblemOfScene]) -> _NonlinearSteps:
+        """Solve a scene; collective."""
+        refuse(statement, REFUSES_IF_NONLINEAR)
+        reached = list[ReachedStep]()
+        problem = problem_of()
+        solution = problem.solved(on_step=lambda step: reached.append(problem.reached()))
+        if not solution.converged:
+            raise ConvergenceError(solution)
+        return cls(problem, reached, solution)
+
+    def by(self, path: str, change: float) -> By:
+        """The derivatives by the number at a path, from its change for a difference; collective."""
+        statement, dimension = self.statement, self.problem.model.dimension
+        changed = [
+            _ChangedScene(self, statement.changed(**varied(statement, path, sign * change, dimension)), path)
+            for sign in (1.0, -1.0)
+        ]
+        return _by_difference([scene.at for scene in changed], [scene.before for scene in changed], change)
+
+    @property
+    def models(self) -> list[Model]:
+        """Of the load steps, which is the same."""
+        return [self.problem.model] * len(self.reached)
+
+    @property
+    def statement(self) -> Statement:
+        """The scene, with contact points on the sides that were chosen."""
+        return self.problem.statement
+
+    def at(self, number: int) -> _LinearisedStep:
+        """A load step as it was solved; collective."""
+        step, preceding = self.reached[number], self.reached[number - 1] if number else None
+        solved = SolvedStep.of(*self.problem.linearised(step))
+        solved = replace(solved, displacement=solved.displacement.copy())
+        return _LinearisedStep(self.problem, step.path_step, solved, preceding)
+
+
+@dataclass(frozen=True)
+class _LinearisedStep:
+    """A load step of a scene with its linearised problem; ``preceding``: how the load step before it ended."""
+
+    problem: ProblemOfScene
+    path_step: float
+    solved: SolvedStep
+    preceding: ReachedStep | None
+
+    @cached_property
+    def usual(self) -> ChangedStep:
+        """Its data; collective."""
+        problem = self.problem
+        forces = problem.forces_anew(problem.statement, self.solved.displacement)
+        return replace(ChangedStep(*problem.linear.data_now()), forces=forces)
+
+    @cached_property
+    def earlier(self) -> SolvedStep | None:
+        """The load step before as far as slips of this one need it; None: there is none."""
+        if self.preceding is None:
+            return None
+        displacement, state = self.solved.displacement.copy(), self.preceding.end.contact
+        displacement.x.array[:] = self.preceding.end.displacement
+        assert state is not None
+        body, supported = self.solved.body, held_at(self.problem.model, self.preceding.path_step)
+        if supported is not self.problem.model:  # other unknowns are prescribed
+            body = replace(body, fixed=supported.fixed, of_contact={})
+        return replace(self.solved, body=body, displacement=displacement, state=state)
+
+
+class _ChangedScene:
+    """A scene in which one number is another."""
+
+    def __init__(self, steps: _NonlinearSteps, statement: Statement, path: str) -> None:
+        self._problem, self._statement = steps.problem, statement
+        self._model = self._supported() if path.startswith("displacement") else None
+        touching = path.startswith("contact") or self._model is not None  # supports move contact points, too
+        model = self._model or steps.problem.model
+        self._touching = ProblemOfScene.of(statement, model, History()) if touching else None
+
+    def _supported(self) -> Model:
+        """The body with other supports; collective."""
+        return prepare(at_rest(self._statement), self._problem.model.tagged, Timings(), path_step=-1)
+
+    def values(self, path_step: float) -> Array:
+        """The prescribed displacements at the owned dofs; collective."""
+        model = held_at(self._problem.model if self._model is None else self._model, path_step)
+        zero = np.zeros(model.fixed.size)
+        return np.asarray(
+            sum((factor * load.prescribed.x.array[: zero.size] for factor, load in model.applied_at(path_step)), zero)
+        )
+
+    def before(self, step: _LinearisedStep) -> ChangedStep:
+        """The load step before with that number; collective."""
+        assert step.preceding is not None
+        assert step.earlier is not None
+        values = self.values(step.preceding.path_step)
+        return replace(step.usual, prescribed=values, boundary=step.earlier.state.boundary)
+
+    def at(self, step: _LinearisedStep) -> ChangedStep:
+        """A load step with that number; collective."""
+        usual, y, problem = step.usual, step.solved.displacement.copy(), self._problem
+        if self._touching is None:
+            return replace(usual, forces=problem.forces_anew(self._statement, y))
+        if self._model is not None:
+            values, fixed = self.values(step.path_step), step.solved.body.fixed
+            y.x.array[: fixed.size][fixed] = values[fixed]
+            y.x.scatter_forward()
+            usual = replace(usual, prescribed=values, forces=problem.forces_anew(problem.statement, y))
+        touching = self._touching
+        touching.begin_at(-1.0 if step.preceding is None else step.preceding.path_step)
+        touching.go_to(step.path_step)
+        touching.u.x.array[:] = y.x.array
+        begun = np.zeros_like(y.x.array) if step.earlier is None else step.earlier.displacement.x.array.copy()
+        if self._model is not None and step.earlier is not None and step.preceding is not None:
+            fixed = step.earlier.body.fixed
+            begun[: fixed.size][fixed] = self.values(step.preceding.path_step)[fixed]
+        *_, boundary, gap, law, _, drift = touching.linear.data_now(problem.linear, begun)
+        spin = touching.linear.foundations.spin_at(boundary)
+        return replace(usual, boundary=boundary, gap=gap, law=law, drift=drift, spin=spin)
+
+
+# --- the numbers of a statement, by their paths ----------------------------------------------------------------------
+
+
+def _entry_of(statement: Statement, path: str, extent: float, dimension: int) -> tuple[float, float]:
+    """The number at a path, 1 for a load as a whole and nan for an expression, and the step for a difference;
+    ``extent``: of the body, length.
+
+    Raises:
+        SceneError: there is no such entry, or none that a derivative can be taken by.
+    """
+    if path.startswith("material") and not all(material.isotropic for material in statement.material):
+        raise SceneError([(path, "is possible where all materials are isotropic")])
+    if any(part in path for part in (".friction.ratio", ".friction.along", ".foundation.spring")):
+        raise SceneError([(path, "is none that a derivative can be taken by")])
+    if path.endswith("grading"):
+        raise SceneError([(path, "is none that a derivative can be taken by: take young, which it multiplies")])
+    *_, (parent, _), (value, _) = _way(statement, path, dimension)
+    if isinstance(value, Load):
+        return 1.0, 1e-3
+    if isinstance(parent, FrictionLaw | Resistance) and value == 0.0:
+        raise SceneError([(path, "is zero, so that nothing acts: give a small number to begin with")])
+    root = path.partition("[")[0].partition(".")[0]
+    if ".foundation.force" in path or ".foundation.moment" in path:
+        force = statement.young * extent ** (dimension - 1) * (extent if ".moment" in path else 1.0)
+        unit = abs(value) if not isinstance(value, Expression) and value != 0.0 else force
+    elif isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
+        unit = extent if root in ("contact", "displacement") else statement.young
+        if any(part in path for part in ("rotation", "direction", ".friction.coefficient", ".poisson")):
+            unit = 1.0
+    else:
+        unit = abs(value)
+    return (float("nan") if isinstance(value, Expression) else float(value)), DIFFERENCE_STEP * unit
+
+
+def varied(statement: Statement, path: str, change: float, dimension: int) -> dict[str, Any]:
+    """What ``statement.changed`` takes for a number larger by ``change``; an expression gets it as another term, a load
+    as a part of it.
+    """
+    *way, (value, _) = _way(statement, path, dimension)
+    if isinstance(value, Load):
+        value = value.model_copy(update={"factors": tuple((1 + change) * f for f in statement.factors_of(value))})
+    elif isinstance(value, Expression):
+        value = Expression(f"({value.text}) + ({float(change)!r})", value.time, value.allows_time)
+    else:
+        value = value + change
+    for table, key in way[:0:-1]:
+        if isinstance(key, int):
+            value = (*table[:key], value, *table[key + 1 :])
+        else:
+            value = {**table, key: value} if isinstance(table, Mapping) else table.model_copy(update={key: value})
+    return {str(way[0][1]): value}
+
+
+def _way(statement: Statement, path: str, dimension: int) -> list[tuple[Any, str | int]]:
+    """The tables on the way to a number, each with the key that leads on, and the number."""
+    keys: list[str | int] = way_of(path) if PATH.fullmatch(path) else []
+    if not keys or keys[0] not in statement.effects:
+        raise SceneError([(path, f"is no datum of the problem that a derivative can be taken by, {_EXAMPLE}")])
+    value: Any = statement.effects
+    way: list[tuple[Any, str | int]] = []
+    for key in keys:
+        if isinstance(key, str) and isinstance(value, tuple) and len(value) == 1:  # a list of one is what is in it
+            way, value = [*way, (value, 0)], value[0]
+        way.append((value, key))
+        if isinstance(key, int):
+            value = value[key] if isinstance(value, tuple | list) and key < len(value) else None
+        elif isinstance(value, Mapping):
+            value = value.get(key)
+        else:
+            value = getattr(value, key) if key in getattr(type(value), "model_fields", ()) else None
+        if value is None and key == "shift" and isinstance(keys[-1], int):
+            value = (0.0,) * dimension
+        if value is None:
+            raise SceneError([(path, f"there is no such entry, or it has no value; {_EXAMPLE}")])
+    if isinstance(value, tuple) and len(value) == 1:
+        way, value = [*way, (value, 0)], value[0]
+    if isinstance(value, bool) or not isinstance(value, int | float | Expression | Load):
+        raise SceneError([(path, f"is no number; {_EXAMPLE}")])
+    return [*way, (value, "")]
