@@ -1,38 +1,151 @@
-"""Initial strains, and jumps of the displacement, with the forces that keep it continuous else."""
+"""Initial strains, and sections across bolts with the jumps of the displacement there.
+
+Beyond a section cells move against the nodes that they share with those before it, as if these nodes were there twice:
+with the unit vector n across the section the displacement in a cell beyond it is that of its nodes minus s n at those
+on the section, where s is the amount.  So no node is added, and nothing but the strain of these cells changes.
+The section need not be flat: it may consist of any facets, here of those closest to a plane.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import default_scalar_type, fem
+from dolfinx import mesh as dmesh
 
 from signorini_fx.errors import SceneError
-from signorini_fx.machine import parallel
+from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import from_owners
-from signorini_fx.mechanics.assembly.mesh_entities import compile_form
+from signorini_fx.mechanics.assembly.mesh_entities import compile_form, facet_nodes, marked_nodes, node_positions
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.elasticity.elastic_law import SceneLaw
 from signorini_fx.mechanics.loads.load_vectors import AppliedLoad, FormCoefficients
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.effect import InitialStrain
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.tuned import ROOT_OF_EPS
+from signorini_fx.tuned import DIGITS_OF_FILES, ROOT_OF_EPS, SAME_LENGTH
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
-    from signorini_fx.mechanics.loads.bolt_sections import Jump
+    from signorini_fx.mechanics.effects.preload import Preload
+
+_Floats = npt.NDArray[np.float64]
+_Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump on this rank.
+
+    Attributes:
+        path: of its entry in the scene.
+        entry: that entry.
+        amount: s, length, at a place in the lists of factors.
+        axis: n, shape (d,).
+        nodes: which nodes lie on its section, ghosts included, shape (nodes,).
+        cells: the cells beyond it with such nodes, ghosts included, shape (c,).
+    """
+
+    path: str
+    entry: Preload
+    amount: Callable[[float], float]
+    axis: _Floats
+    nodes: _Flags
+    cells: npt.NDArray[np.int32]
+
+    @property
+    def at_nodes(self) -> _Floats:
+        """J: what an amount of one adds to the displacement of nodes in cells beyond it, shape (nodes, d)."""
+        return np.where(self.nodes[:, None], -self.axis, 0.0)
+
+    def on(self, space: fem.FunctionSpace) -> fem.Function:
+        """J as a function without continuity; ``space``: of the displacement."""
+        dim = self.axis.size
+        jump = fem.Function(fem.functionspace(space.mesh, ("DG", space.element.basix_element.degree, (dim,))))
+        of_cells = jump.function_space.dofmap.list[self.cells]
+        jump.x.array.reshape(-1, dim)[of_cells] = self.at_nodes[space.dofmap.list[self.cells]]
+        return jump
+
+
+def jump_at(path: str, effect: Preload, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> Jump:
+    """The jump that an entry of a scene prescribes; ``path``: of the entry; collective.
+
+    Raises:
+        SceneError: there is no such section, or it does not cut the body.
+    """
+    mesh, dim = tagged.mesh, tagged.dimension
+    of_cells, corners = space.dofmap.list, compat.geometry_cells(mesh)
+    middle = mesh.geometry.x[corners, :dim].mean(axis=1)
+    inside: _Flags = np.ones(len(middle), dtype=bool)
+    nodes: _Flags = np.zeros(len(node_positions(space)), dtype=bool)
+    key = "section"
+    if effect.section is not None:
+        facets = _inner_facets(effect.section, path, tagged)
+        nodes = marked_nodes(space, facet_nodes(space, facets).ravel())
+        point, axis = _plane(space, nodes, tagged, path)
+    else:
+        key = "point"
+        point, axis = np.array(effect.point), np.array(effect.axis)
+        axis = axis / np.linalg.norm(axis)
+        if effect.region is not None:
+            inside[:] = False
+            inside[tagged.cells(effect.region)] = True
+    beyond = (middle - point) @ axis > -SAME_LENGTH * tagged.size
+    if effect.section is None:
+        sides = (marked_nodes(space, of_cells[inside & side].ravel()) for side in (beyond, ~beyond))
+        nodes = np.logical_and(*sides)
+    touching = nodes[of_cells].any(axis=1)
+    far_nodes, near_nodes = (marked_nodes(space, of_cells[touching & side].ravel()) for side in (beyond, ~beyond))
+    where = "the mesh" if effect.region is None else f"region {effect.region!r}"
+    for wrong, reason in (
+        (not parallel.any_rank(mesh.comm, bool(nodes.any())), f"the plane does not cut {where}"),
+        (bool((touching & ~inside).any()), f"cells outside {where} share nodes with the section: move it"),
+        (bool((far_nodes & near_nodes & ~nodes).any()), "the section ends inside the body: it must cut it through"),
+    ):
+        if parallel.any_rank(mesh.comm, wrong):
+            raise SceneError([(f"{path}.{key}", reason)])
+    cells = np.flatnonzero(touching & beyond).astype(np.int32)
+    axis = np.append(axis, np.zeros(space.dofmap.index_map_bs - dim))  # nothing moves around the axis of a body
+    return Jump(path, effect, partial(effect.shortening_at, statement), axis, nodes, cells)
+
+
+def _inner_facets(name: str, path: str, tagged: TaggedMesh) -> npt.NDArray[np.int32]:
+    """The facets inside the mesh with a name, those of this rank."""
+    mesh = tagged.mesh
+    if name not in tagged.boundaries:
+        boundary_names = ", ".join(sorted(tagged.boundaries)) or "none"
+        raise SceneError([(f"{path}.section", f"the mesh has no facets {name!r}; it has: {boundary_names}")])
+    mesh.topology.create_connectivity(mesh.topology.dim - 1, mesh.topology.dim)
+    tags = tagged.boundaries[name]
+    tagged_facets = tagged.facet_tags.indices[np.isin(tagged.facet_tags.values, tags)]
+    inner_facets = np.setdiff1d(tagged_facets, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
+    if not parallel.any_rank(mesh.comm, inner_facets.size > 0):
+        raise SceneError([(f"{path}.section", f"{name!r} has no facets inside the mesh: it is on its boundary")])
+    return inner_facets
+
+
+def _plane(space: fem.FunctionSpace, nodes: _Flags, tagged: TaggedMesh, path: str) -> tuple[_Floats, _Floats]:
+    """A point and the unit normal of the plane through nodes."""
+    comm, owned = space.mesh.comm, space.dofmap.index_map.size_local
+    x = node_positions(space)[:owned, : tagged.dimension][nodes[:owned]]
+    sums = parallel.global_sum(comm, np.append(x.sum(axis=0), len(x)))
+    point = sums[:-1] / sums[-1]
+    spread, directions = np.linalg.eigh(parallel.global_sum(comm, (x - point).T @ (x - point)))
+    if np.sqrt(max(spread[0], 0.0) / sums[-1]) > DIGITS_OF_FILES * tagged.size:
+        raise SceneError([(f"{path}.section", "its facets are not in one plane: give point and axis instead")])
+    return point, directions[:, 0]
 
 
 def jumps_in(statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> list[Jump]:
     """Those of a scene; collective."""
     if not statement.preloads:
         return []
-    from signorini_fx.mechanics.loads.bolt_sections import jump_at
-
     acting = [(path, entry) for path, entry in statement.listed() if entry in statement.preloads]
     return [jump_at(path, entry, statement, tagged, space) for path, entry in acting]
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 from pydantic import BaseModel
@@ -155,8 +154,7 @@ def _in_the_plane(statement: Any) -> Iterator[tuple[str, str]]:
                 yield f"{path}.z", f"{_PLANE}: nothing of this kind is along x[2]"
         if getattr(table, "up", None) == "z":
             yield f"{path}.up", f"{_PLANE}: there is nothing along x[2]"
-        for name in _keys(type(table)):
-            value = getattr(table, name)
+        for name, value in table:
             if isinstance(value, Expression) and value.coordinates > 2:
                 yield f"{path}.{name}".lstrip("."), f"{_PLANE}: there is no x[2]"
 
@@ -171,18 +169,12 @@ def _in_space(statement: Any) -> Iterator[tuple[str, str]]:
             yield f"displacement[{index}].axis", f"{_SPACE}: give 3 numbers, not {len(effect.axis)}"
 
 
-@cache
-def _keys(kind: type[BaseModel]) -> tuple[str, ...]:
-    """The keys of a kind of table; pydantic takes ten times as long."""
-    return tuple(kind.model_fields)
-
-
 def _tables(node: Any, path: str) -> Iterator[tuple[str, BaseModel]]:
     """All tables of a scene with their paths."""
     if isinstance(node, BaseModel):
         yield path, node
-        for name in _keys(type(node)):
-            yield from _tables(getattr(node, name), f"{path}.{name}".lstrip("."))
+        for name, value in node:
+            yield from _tables(value, f"{path}.{name}".lstrip("."))
     elif isinstance(node, list | tuple):
         for index, item in enumerate(node):
             yield from _tables(item, f"{path}[{index}]")

@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions, shared_in
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
-from signorini_fx.mechanics.loads.initial_strains import initial_strain, total_jump
+from signorini_fx.mechanics.loads.initial_strains import Jump, initial_strain, total_jump
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, group_of
 from signorini_fx.mechanics.loads.supports import Supports, forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -29,9 +29,6 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
-
-if TYPE_CHECKING:
-    from signorini_fx.mechanics.loads.bolt_sections import Jump
 
 Array = npt.NDArray[np.float64]
 
