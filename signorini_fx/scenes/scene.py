@@ -22,7 +22,6 @@ from signorini_fx.mechanics.effects import loads
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.effects.material import Entry as MaterialEntry
-from signorini_fx.mechanics.effects.preload import Preload
 from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Load, listed, with_every_effect
@@ -185,7 +184,7 @@ class Scene(Table):
     force: Many[loads.TotalForce] = ()
     gravity: Many[loads.Gravity] = ()
     point_force: Many[loads.PointForce] = ()
-    preload: Many[Preload] = ()
+    preload: Many[loads.Preload] = ()
     rotation: Many[loads.Rotation] = ()
     springs: Many[loads.Springs] = ()
     temperature: Many[loads.TemperatureChange] = ()

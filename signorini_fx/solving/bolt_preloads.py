@@ -17,7 +17,7 @@ import numpy as np
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
-from signorini_fx.mechanics.effects.preload import Preload
+from signorini_fx.mechanics.effects.loads import Preload
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.results.mechanics import SolidBody

@@ -30,7 +30,7 @@ from scenes import alone, example1
 from setuptools import find_packages
 
 import signorini_fx
-from signorini_fx.mechanics.effects import contact, displacement, loads, preload
+from signorini_fx.mechanics.effects import contact, displacement, loads
 from signorini_fx.mechanics.effects.contact import Overclosure
 from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.materials.hyperelastic import MooneyRivlin, NeoHooke, Ogden, SaintVenantKirchhoff
@@ -461,7 +461,7 @@ MODELS = {
         loads.Gravity,
         loads.Rotation,
         loads.TemperatureChange,
-        preload.Preload,
+        loads.Preload,
         loads.PointForce,
     ],
     ("`[[springs]]`", "key"): [loads.Springs],

@@ -1,28 +1,34 @@
-"""Loads with a density, changes of temperature, and springs: each class has the keys of its entries, and its form."""
+"""Loads with a density, changes of temperature, preloads of bolts, and springs: of each its keys, and its form."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import PrivateAttr, model_validator
 
+from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.effect import (
+    Array,
     BodyCoefficients,
     Coefficients,
     Contradictions,
     Features,
     Force,
     InitialStrain,
+    Load,
     Resistance,
     VectorForce,
     is_zero,
 )
-from signorini_fx.mechanics.statement.point_values import PointValues
+from signorini_fx.mechanics.statement.expressions import number as value_of
+from signorini_fx.mechanics.statement.rigid_motion import Timed
 from signorini_fx.mechanics.statement.values import (
+    Count,
     Direction,
     NonNegative,
     NonNegativeValue,
@@ -31,6 +37,7 @@ from signorini_fx.mechanics.statement.values import (
     TimedValue,
     Vector,
 )
+from signorini_fx.tuned import DIGITS_OF_FILES, OUTSIDE_HULL, ROOT_OF_EPS, SAME_LENGTH
 
 
 class SurfaceTraction(VectorForce):
@@ -301,8 +308,184 @@ class Springs(Resistance):
         return on.value(self.normal) * across + on.value(self.tangential) * (y - across)
 
 
+class Preload(Load):
+    """A section across a bolt, whose two sides are moved towards each other along one direction, and else are joined.
+
+    In Abaqus and CalculiX it is a ``*PRE-TENSION SECTION``.
+
+    Attributes:
+        section: name of facets inside the mesh that cut the bolt through in a plane; None: a plane does.
+        region: instead: name of the part of the mesh that a plane cuts; None: all of the body.
+        point: of that plane, length.
+        axis: across that plane, along which the sides move, any length.
+        force: tension through the section, force; a number or an expression of the time t.
+        shortening: instead, how far the sides are moved towards each other, length; of the same kinds.
+        locked_after: number of the factors, from 1, after which the length that the force has led to is kept.
+        factors: one number per load step, by which force or shortening are multiplied; None: 1 in every step.
+    """
+
+    value_keys: ClassVar[tuple[str, ...]] = ("force", "shortening")
+    vectors: ClassVar[tuple[str, ...]] = ("point", "axis")
+    strains: ClassVar[bool] = True
+    grouped: ClassVar[bool] = False
+
+    section: str | None = None
+    region: str | None = None
+    point: Vector | None = None
+    axis: Direction | None = None
+    force: Timed | None = None
+    shortening: Timed | None = None
+    locked_after: Count = 1
+
+    # The shortenings that forces have led to, by their places in the lists of factors.
+    _shortenings: dict[float, float] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        plane = self.point is not None and self.axis is not None
+        if (self.section is None) != plane or (self.section is not None and (self.region or self.point or self.axis)):
+            raise ValueError("give either section, a name of facets inside the mesh, or point and axis of a plane")
+        if (self.force is None) == (self.shortening is None):
+            raise ValueError("give either force or shortening")
+        if isinstance(self.force, float) and self.force <= 0:
+            raise ValueError("force must be positive: a tension; give shortening for anything else")
+        if self.force is None and "locked_after" in self.model_fields_set:
+            raise ValueError("locked_after is that of a force, which is missing")
+        return self
+
+    @property
+    def place(self) -> str:
+        if self.section is not None:
+            return self.section
+        return f"at ({', '.join(f'{x:g}' for x in self.point or ())})" if self.region is None else self.region
+
+    @property
+    def features(self) -> Features:
+        return (*super().features, *((("shortening by force", ("force",)),) if self.force is not None else ()))
+
+    def contradictions(self, statement: Any, number: int) -> Contradictions:
+        path = ("preload", number)
+        if self.axis is not None and (reason := statement.kinematics.refused_axis(self.axis)):
+            yield (*path, "axis"), reason
+        if self.force is None:
+            return
+        if self.factors is not None and min(self.factors[: self.locked_after]) <= 0:
+            yield (*path, "factors"), "must be positive while the force acts"
+
+    def force_at(self, statement: Any, step: float) -> float | None:
+        """The tension that determines its shortening, at a place in the lists of factors; None: that is known."""
+        if self.force is None or step > self.locked_after - 1:
+            return None
+        return self._value_at(statement, step)
+
+    def shortening_at(self, statement: Any, step: float) -> float:
+        """By how much it is shortened there, length; of a force zero until it is found."""
+        if self.force is not None:
+            places = [found_step for found_step in self._shortenings if found_step <= step]
+            return self._shortenings[max(places)] if places else 0.0
+        return self._value_at(statement, step)
+
+    def _value_at(self, statement: Any, step: float) -> float:
+        """What is given, at a place in the lists of factors."""
+        factor, current = statement.now(self, step)
+        (value,) = current.given.values()
+        return factor * value_of(value)
+
+    def tightened(self, step: float, shortening: float) -> Self:
+        """The same with the shortening that its force has led to at a place."""
+        preload = self.model_copy()
+        preload._shortenings = {**self._shortenings, step: shortening}
+        return preload
+
+
 def _without_density(statement: Any, key: str) -> Contradictions:
     """The materials that have no density although an effect needs it."""
     for number, material in enumerate(statement.material):
         if material.density is None:
             yield ("material", number), f"has no density, which {key} needs"
+
+
+# --- values at points, from a table ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PointValues:
+    """A function of the position from a .csv with the columns x, y, in 3D z, and change; linear between the points,
+    whose triangulation is that of Delaunay.
+
+    Attributes:
+        file: the table.
+    """
+
+    file: Path
+
+    def __call__(self, x: Array) -> Array:
+        """Values at points of shape (3, n), shape (n,).
+
+        Raises:
+            SceneError: the file cannot be read, or a point is outside of the hull of those of the file.
+        """
+        changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
+        middle, function = _read_table(self.file, changed)
+        at = x[: middle.size].T
+        values = np.asarray(function(at), dtype=np.float64)
+        for share in (SAME_LENGTH, OUTSIDE_HULL):
+            outside = np.isnan(values)
+            values[outside] = function(middle + (1 - share) * (at[outside] - middle))
+        if np.isnan(values).any():
+            point = ", ".join(f"{c:g}" for c in at[np.argmax(np.isnan(values))])
+            raise _wrong_file(self.file, f"has no points around ({point}) of the body; check its unit of lengths")
+        return values
+
+
+@lru_cache(maxsize=8)
+def _read_table(file: Path, _changed: int) -> tuple[Array, Any]:
+    """The middle of the points, shape (d,), and the interpolation."""
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.spatial import QhullError
+
+    points, values = _distinct(file, *_rows(file))
+    try:
+        function = LinearNDInterpolator(points, values)
+    except (QhullError, ValueError):
+        raise _wrong_file(file, "has points that span no area, in 3D no volume") from None
+    return points.mean(axis=0), function
+
+
+def _rows(file: Path) -> tuple[Array, Array]:
+    """The points of a table and the values at them, shapes (n, d) and (n,)."""
+    if file.suffix.lower() != ".csv":
+        raise _wrong_file(file, "is no .csv: write the nodes and their values to one")
+    try:
+        table = np.atleast_1d(np.genfromtxt(file, delimiter=",", names=True, encoding="utf-8-sig"))
+    except (OSError, ValueError, IndexError, StopIteration) as error:
+        raise _wrong_file(file, f"cannot be read: {error}") from None
+    names = table.dtype.names or ()
+    axes = [name for name in "xyz" if name in names]
+    if axes not in (["x", "y"], ["x", "y", "z"]) or "change" not in names:
+        raise _wrong_file(file, f"has the columns {', '.join(names)}; it needs x, y, in 3D z, and change")
+    points, values = np.column_stack([table[name] for name in axes]), np.asarray(table["change"], dtype=np.float64)
+    if not (np.isfinite(points).all() and np.isfinite(values).all()):
+        raise _wrong_file(file, "has an entry that is not one number, or not a finite one")
+    return points, values
+
+
+def _distinct(file: Path, points: Array, values: Array) -> tuple[Array, Array]:
+    """The points without those at the place of an earlier one, which must have its value."""
+    from scipy.spatial import cKDTree
+
+    near = ROOT_OF_EPS * float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
+    earlier, later = cKDTree(points).query_pairs(near, output_type="ndarray").reshape(-1, 2).T
+    unequal = np.abs(values[earlier] - values[later]) > DIGITS_OF_FILES * np.abs(values).max(initial=0.0)
+    if unequal.any():
+        one, other = earlier[unequal][0], later[unequal][0]
+        place = ", ".join(f"{c:g}" for c in points[other])
+        both = f"{values[one]:g} and {values[other]:g}"
+        message = f"has several values at one place, {both} at ({place}): give each body a file of its own, with region"
+        raise _wrong_file(file, message)
+    first = np.setdiff1d(np.arange(len(points)), later)
+    return points[first], values[first]
+
+
+def _wrong_file(file: Path, message: str) -> SceneError:
+    return SceneError([("temperature.file", f"{file}: it {message}")])

@@ -33,7 +33,7 @@ from signorini_fx.tuned import DIGITS_OF_FILES, ROOT_OF_EPS, SAME_LENGTH
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
-    from signorini_fx.mechanics.effects.preload import Preload
+    from signorini_fx.mechanics.effects.loads import Preload
 
 _Floats = npt.NDArray[np.float64]
 _Flags = npt.NDArray[np.bool_]
