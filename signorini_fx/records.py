@@ -75,14 +75,11 @@ _ADVICE = {
     Status.CONVERGED: "the active sets repeat and the residual is small",
     Status.MAX_ITERATIONS: "raise solver.max_iterations, or lower solver.gamma_n and solver.gamma_t",
     Status.OUTER_MAX_ITERATIONS: (
-        "raise solver.max_outer_iterations; a fixed point that does not contract points to a friction coefficient "
-        "above the uniqueness bound, and friction that is above its limit in the summary to loads that it cannot hold"
+        "raise solver.max_outer_iterations; a fixed point may not contract where the friction coefficient is above the "
+        "uniqueness bound: set solver.coulomb = 'newton', or lower loads that friction cannot hold"
     ),
     Status.CYCLING: "set solver.sigma = 'auto' (a node then passes through stick), or lower solver.gamma_n, gamma_t",
-    Status.NOT_HELD: (
-        "a rigid motion is resisted neither by the prescribed displacements nor by any contact: prescribe a "
-        "displacement or add friction"
-    ),
+    Status.NOT_HELD: "neither supports nor contact resist a rigid motion: prescribe a displacement or add friction",
     Status.OPEN: (
         "the load moves the body off its foundation and nothing else holds it: check the direction of the loads and "
         "the gap, or prescribe a displacement"
@@ -96,23 +93,18 @@ _ADVICE = {
         "prescribe a displacement"
     ),
     Status.SLIDES_AT_PRESSURES: (
-        "lower the load, raise the friction or what presses the contact, or find the limit with load_steps.steps: "
-        "friction at the contact pressures that were found, such as those of a fit or of tightened bolts, cannot carry "
-        "the loads; the events of the summary say which share of them it carries; nothing is proved of other pressures"
+        "friction at the contact pressures that were found cannot carry the loads (events say which share; nothing is "
+        "proved of other pressures): lower the load, raise friction or pressure, or find the limit by load_steps"
     ),
     Status.SINGULAR: "check that supports and contact hold the body, and that no cell of the mesh is degenerate",
-    Status.NOT_FINITE: (
-        "the matrix or the forces contain numbers that are infinite or undefined: check expressions and units, and "
-        "that no cell of the mesh is degenerate"
-    ),
+    Status.NOT_FINITE: "matrix or forces contain infinite or undefined numbers: check expressions, units, flat cells",
     Status.LINEAR_SOLVER: (
         "the Krylov method did not converge: set solver.linear_algebra = 'full', which takes the memory for a factor, "
         "or look with -- -sfx_ksp_monitor -sfx_ksp_converged_reason"
     ),
     Status.NO_MEMORY: (
         "the memory was used up by the factor of the matrix: use a larger machine, a coarser mesh, or in 3D "
-        "solver.linear_algebra = 'krylov'; ulimit -a shows the limits of this process, and signorini-fx check what a "
-        "scene needs"
+        "solver.linear_algebra = 'krylov'; ulimit -a shows limits, and signorini-fx check what a scene needs"
     ),
     Status.TOO_LARGE: (
         "strains, rotations or displacements are too large for small strains: check the units of E, of the "
@@ -124,47 +116,38 @@ _ADVICE = {
     ),
     Status.UNSTABLE: (
         "the residual vanishes, but a displacement that contact admits lowers the energy: the body would leave this "
-        "state. Where it begins at a sharp corner round that off, or take larger cells there; a slender body needs an "
-        "imperfection, such as a small traction across it, and a material that loses its stiffness under compression, "
-        "such as that of Saint-Venant and Kirchhoff, another one; where a force acts lower it, or prescribe its "
-        "displacement"
+        "state. Round off a sharp corner where it begins; give a slender body an imperfection, such as a small "
+        "traction across it; take a material that keeps its stiffness; prescribe a displacement in place of a force"
     ),
     Status.INSIDE: (
-        "a part of a rigid shape is inside the body, or has passed through it since the last solution: begin where it "
-        "is outside (the body is on the left of a line of points: else reverse their order), move it in smaller steps, "
-        "and take facets that are not wider than the shape"
+        "a rigid shape is inside the body, or has passed through it: begin where it is outside (the body is on the "
+        "left of a line of points), move it in smaller steps, and take facets that are not wider than the shape"
     ),
     Status.PASSED: (
         "a body is inside another one, or has passed through it, where contact does not see it: begin where they are "
-        "apart, move them in smaller steps, name all sides that may touch, and give no reach below the distance by "
-        "which supports move sides into each other"
+        "apart, move them in smaller steps, name all sides that may touch, and give a larger reach"
     ),
-    Status.FOLDED: (
-        "along one direction a point sees the other side twice, as where that folds: take smaller steps, or give a "
-        "smaller reach"
-    ),
+    Status.FOLDED: "the other side folds, so that a point sees it twice: take smaller steps, or give a smaller reach",
     Status.AT_END: (
-        "no point of contact that cannot open sees the other side any more, so that nothing holds both together: end "
-        "the way where they still meet, take smaller steps, or name more of the other side"
+        "no point of contact that cannot open sees the other side any more: end the way where they still meet, take "
+        "smaller steps, or name more of the other side"
     ),
     Status.STABILITY_UNKNOWN: (
         "the result is an equilibrium, but whether it is stable cannot be told: J is not the derivative of F, loads "
-        "that follow the body have no energy that decides, or the machine lacks the memory for a factor of J. Give the "
-        "derivative of F as J, or set stability=False"
+        "that follow the body have no energy, or the memory is too small for a factor of J. Give the derivative of F "
+        "as J, or set stability=False"
     ),
     Status.LIMIT: (
         "where a force acts prescribe its displacement, to follow the body beyond a limit point; else refine the mesh, "
         "allow a smaller step, or take a material that keeps its stiffness under compression, as neo-Hooke does"
     ),
     Status.NOT_SOLVED: (
-        "Newton's method fails, which does not prove that there is no solution: take smaller load steps, near a limit "
-        "point prescribe a displacement instead of a force, or refine the mesh; of your own forms raise max_newton, or "
-        "give the derivative of F as J"
+        "Newton's method fails, which does not prove that there is no solution: take smaller load steps, prescribe a "
+        "displacement instead of a force, or refine the mesh; of your own forms raise max_newton, or give J"
     ),
     Status.NO_DIGIT: (
-        "round-off of the residual, or of the places of displaced points, is as large as what loads do, so that the "
-        "check after the solve would accept the body at rest as well: evaluate strains from grad u, without the "
-        "difference of numbers near one such as I + grad u, or take a linear body, which one of such small strains is"
+        "round-off of the residual is as large as what loads do: evaluate strains from grad u, without the difference "
+        "of numbers near one such as I + grad u, or take a linear body"
     ),
     Status.NOT_CERTIFIED: (
         "the check after the solve found that conditions of the problem are violated: see the certificate in the "
