@@ -143,7 +143,8 @@ _ADVICE = {
     ),
     Status.NOT_SOLVED: (
         "Newton's method fails, which does not prove that there is no solution: take smaller load steps, prescribe a "
-        "displacement instead of a force, or refine the mesh; of your own forms raise max_newton, or give J"
+        "displacement instead of a force, or refine the mesh; of your own forms raise max_newton, or give the "
+        "derivative of F as J"
     ),
     Status.NO_DIGIT: (
         "round-off of the residual is as large as what loads do: evaluate strains from grad u, without the difference "

@@ -170,7 +170,7 @@ def test_buckled_columns_are_called_unstable(smooth, stable, unstable):
     # A column that is held at both ends buckles in its middle, a free one at its upper end.
     height = float(re.search(r"it begins at \(\S+, ([^)]+)\)", str(error.value)).group(1))
     assert (height == 8.0) if smooth else (3.0 <= height <= 5.0)
-    assert "round that off" in str(error.value)
+    assert "Round off" in str(error.value)
 
 
 def test_certificate_notices_what_is_wrong():

@@ -141,7 +141,7 @@ def test_one_table_instead_of_a_list():
             "contact.0.kind",
             "glued",
             "contact[0].kind",
-            "must be one of 'unilateral', 'bilateral', 'bonded', got 'glued'",
+            "must be 'unilateral', 'bilateral' or 'bonded', got 'glued'",
         ),
         ("contact", [{"boundary": "a"}, {"boundary": "a"}], "contact[1]", "in contact twice"),
         ("displacement", [{"boundary": "bottom", "normal": 0}], "displacement[0]", "in contact as well"),

@@ -203,19 +203,19 @@ class Contact(Effect):
 
 
 class UnilateralContact(Contact):
-    """Contact that may open, see ``Contact``."""
+    """A ``Contact`` that may open."""
 
     kind: Literal["unilateral"] = "unilateral"
 
 
 class BilateralContact(Contact):
-    """Contact that cannot open, see ``Contact``."""
+    """A ``Contact`` that cannot open."""
 
     kind: Literal["bilateral"] = "bilateral"
 
 
 class BondedContact(Contact):
-    """A tie, see ``Contact``."""
+    """A ``Contact`` that is a tie."""
 
     kind: Literal["bonded"] = "bonded"
 
