@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
@@ -35,7 +34,7 @@ from signorini_fx.algebra.contact.motions import FreeMotions
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.contact.points import ContactPoints, shares
 from signorini_fx.algebra.contact.statics import Escape, no_balance
-from signorini_fx.algebra.linalg import ElasticSystem, is_by_blocks
+from signorini_fx.algebra.linalg import SAME_PATTERN, SUBSET_PATTERN, ElasticSystem, is_by_blocks
 from signorini_fx.algebra.linalg.blocks import change_added, with_added
 from signorini_fx.algebra.linalg.petsc_calls import called_back
 from signorini_fx.machine import parallel
@@ -85,22 +84,7 @@ class ContactTangent:
         # By two products: where rigid bodies move, B has dense columns, with which ``ptap`` takes quadratic time.
         self._half = self._blocks.matMult(self._operator)
         self._product = self._operator.transposeMatMult(self._half)
-        starts, self._columns, _ = self._product.getValuesCSR()
-        touched = np.flatnonzero(np.diff(starts))
         self._matrix = matrix
-        self._rows = (matrix.getOwnershipRange()[0] + touched).astype(PETSc.IntType)
-        self._starts = np.append(starts[touched], starts[-1]).astype(PETSc.IntType)
-        if is_by_blocks(matrix):
-            return
-        if matrix.getType() == PETSc.Mat.Type.SEQDENSE:
-            row = np.repeat(touched, np.diff(self._starts))
-            self._elastic = np.asarray(matrix.getDenseArray(readonly=True)[row, self._columns])
-            return
-        elastic = [
-            matrix.getValues([row], self._columns[a:b]).ravel()
-            for row, (a, b) in zip(self._rows, pairwise(self._starts), strict=True)
-        ]
-        self._elastic = np.concatenate([np.empty(0), *elastic])
 
     def create(self) -> PETSc.Mat:
         """A matrix to insert blocks into, so far A; collective."""
@@ -123,11 +107,9 @@ class ContactTangent:
             self._operator.transposeMatMult(self._half, result=self._product)
             if is_by_blocks(matrix):
                 change_added(matrix, self._product)
-                return since == 0
-            _, _, added = self._product.getValuesCSR()
-            if self._rows.size:
-                matrix.setValuesIJV(self._starts, self._columns, self._elastic + added, rowmap=self._rows)
-            matrix.assemble()
+            else:
+                self._matrix.copy(matrix, SAME_PATTERN)
+                matrix.axpy(1.0, self._product, structure=SUBSET_PATTERN)
         return since == 0
 
 

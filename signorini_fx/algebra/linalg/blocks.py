@@ -72,92 +72,42 @@ class BlockRows:
         return starts.astype(PETSc.IntType), columns.ravel().astype(PETSc.IntType), values.ravel()
 
 
-class _Context:
-    """What PETSc asks of the contexts of both matrices, beside products."""
+class BlockMatrix:
+    """Context of a ``python`` matrix: A with such rows of this rank, or A + C with a sparse C."""
 
-    def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """A copy as a sparse matrix; collective."""
-        raise NotImplementedError
-
-    def norm(self, matrix: PETSc.Mat, kind: int) -> float:
-        """Any norm; where a solve has failed, it is asked for."""
-        return float(self.by_entries(matrix).norm(kind))
-
-
-class BlockStiffness(_Context):
-    """Context of a ``python`` matrix with such rows of this rank."""
-
-    def __init__(self, rows: BlockRows) -> None:
-        self.rows = rows
-
-    @called_back
-    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Y = A x."""
-        rows, values = self.rows, x.getArray(readonly=True)
-        if rows.fill is not None:
-            rows.extended[: values.size] = values
-            rows.fill()
-            values = rows.extended
-        rows.multiply(rows.blocks, values, y.getArray())
-
-    def getDiagonal(self, matrix: PETSc.Mat, diagonal: PETSc.Vec) -> None:  # PETSc calls these so
-        """The diagonal."""
-        diagonal.getArray()[:] = self.rows.diagonal
-
-    def createSubMatrix(
-        self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS, into: PETSc.Mat | None = None
-    ) -> PETSc.Mat:
-        """Some rows by entries, at all columns or some."""
-        if into is not None:
-            return into  # A never changes
-        first = matrix.getOwnershipRange()[0]
-        found = self._sparse(matrix, rows.getIndices().astype(np.int64) - first)
-        if columns.getSize() == matrix.getSize()[1]:
-            return found
-        begin, end = found.getOwnershipRange()
-        return found.createSubMatrix(PETSc.IS().createStride(end - begin, begin, 1, comm=matrix.comm), columns)
-
-    def _sparse(self, matrix: PETSc.Mat, unknowns: npt.NDArray[np.int64]) -> PETSc.Mat:
-        """The rows of some unknowns, local numbers; collective."""
-        csr = self.rows.rows_at(unknowns)
-        return PETSc.Mat().createAIJ(((unknowns.size, None), matrix.getSizes()[1]), csr=csr, comm=matrix.comm)
-
-    def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """A copy as a sparse matrix; collective."""
-        r = self.rows
-        csr = r.starts.astype(PETSc.IntType), r.names[r.columns].astype(PETSc.IntType), r.blocks
-        copied = PETSc.Mat().createBAIJ(matrix.getSizes(), r.size, csr=csr, comm=matrix.comm)
-        return row_by_row(copied.convert(PETSc.Mat.Type.AIJ))
-
-
-class AddedTangent(_Context):
-    """Context of the ``python`` matrix A + C of A by blocks and C, sparse."""
-
-    def __init__(self, stiffness: PETSc.Mat, added: PETSc.Mat) -> None:
-        self._stiffness, self._added = stiffness, row_by_row(added)
+    def __init__(self, rows: BlockRows, added: PETSc.Mat | None = None) -> None:
+        self.rows, self.added = rows, None if added is None else row_by_row(added)
         # The rows of A that were asked for, with room for C, by their index set, which must stay, and their columns.
         self._parts: dict[tuple[int, int], tuple[PETSc.Mat, PETSc.IS]] = {}
 
     @called_back
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Y = A x + C x."""
-        self._stiffness.mult(x, y)
-        self._added.multAdd(x, y, y)
+        rows, values = self.rows, x.getArray(readonly=True)
+        if rows.fill is not None:
+            rows.extended[: values.size] = values
+            rows.fill()
+            values = rows.extended
+        rows.multiply(rows.blocks, values, y.getArray())
+        if self.added is not None:
+            self.added.multAdd(x, y, y)
 
     def getDiagonal(self, matrix: PETSc.Mat, diagonal: PETSc.Vec) -> None:  # PETSc calls these so
         """The diagonal."""
-        self._stiffness.getDiagonal(diagonal)
-        diagonal.axpy(1.0, self._added.getDiagonal())
+        diagonal.getArray()[:] = self.rows.diagonal
+        if self.added is not None:
+            diagonal.axpy(1.0, self.added.getDiagonal())
 
     def createSubMatrix(
         self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS, into: PETSc.Mat | None = None
     ) -> PETSc.Mat:
         """Some rows by entries, at all columns or some."""
-        added = self._added.createSubMatrix(rows, columns)
+        if self.added is None:
+            return self._elastic(matrix, rows, columns)
+        added = self.added.createSubMatrix(rows, columns)
         key = (rows.handle, columns.getSize())
         if key not in self._parts:
-            part = self._stiffness.createSubMatrix(rows, columns)
-            pattern = added.copy()
+            part, pattern = self._elastic(matrix, rows, columns), added.copy()
             pattern.zeroEntries()
             part.axpy(1.0, pattern, structure=DIFFERENT_PATTERN)
             self._parts[key] = row_by_row(part), rows
@@ -169,50 +119,59 @@ class AddedTangent(_Context):
         into.axpy(1.0, added, structure=SUBSET_PATTERN)
         return into
 
-    def change(self, added: PETSc.Mat) -> None:
-        """Take the entries of another C with the same pattern; collective."""
-        added.copy(self._added, SAME_PATTERN)
+    def _elastic(self, matrix: PETSc.Mat, rows: PETSc.IS, columns: PETSc.IS) -> PETSc.Mat:
+        """Some rows of A by entries; collective."""
+        unknowns = rows.getIndices().astype(np.int64) - matrix.getOwnershipRange()[0]
+        sizes, csr = ((unknowns.size, None), matrix.getSizes()[1]), self.rows.rows_at(unknowns)
+        found = PETSc.Mat().createAIJ(sizes, csr=csr, comm=matrix.comm)
+        if columns.getSize() == matrix.getSize()[1]:
+            return found
+        begin, end = found.getOwnershipRange()
+        return found.createSubMatrix(PETSc.IS().createStride(end - begin, begin, 1, comm=matrix.comm), columns)
 
-    def by_entries(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """A copy as a sparse matrix; collective."""
-        entries = by_entries(self._stiffness)
-        entries.axpy(1.0, self._added, structure=DIFFERENT_PATTERN)
-        return row_by_row(entries)
+    def norm(self, matrix: PETSc.Mat, kind: int) -> float:
+        """Any norm; where a solve has failed, it is asked for."""
+        return float(by_entries(matrix).norm(kind))
 
 
-def _python_matrix(context: Any, sizes: Any, block: int, comm: Any) -> PETSc.Mat:
-    """The symmetric positive definite matrix of a context with these sizes; collective."""
+def block_matrix(rows: BlockRows, comm: Any, added: PETSc.Mat | None = None) -> PETSc.Mat:
+    """The symmetric positive definite matrix of the rows of all ranks; ``added``: C, with all the entries it may have,
+    which becomes part of it; collective.
+    """
+    size = ((rows.starts.size - 1) * rows.size, None)
     matrix = PETSc.Mat().create(comm)
-    matrix.setSizes(sizes)
-    matrix.setBlockSize(block)  # before it is set up
+    matrix.setSizes((size, size))
+    matrix.setBlockSize(rows.size)  # before it is set up
     matrix.setType(PETSc.Mat.Type.PYTHON)
-    matrix.setPythonContext(context)
+    matrix.setPythonContext(BlockMatrix(rows, added))
     matrix.setUp()
     matrix.assemble()
     return matrix
 
 
-def block_matrix(rows: BlockRows, comm: Any) -> PETSc.Mat:
-    """The matrix of the rows of all ranks; collective."""
-    size = ((rows.starts.size - 1) * rows.size, None)
-    return _python_matrix(BlockStiffness(rows), (size, size), rows.size, comm)
-
-
 def with_added(stiffness: PETSc.Mat, added: PETSc.Mat) -> PETSc.Mat:
-    """A + C of A by blocks; C, with all the entries it may have, becomes part of it; collective."""
-    context, block = AddedTangent(stiffness, added), stiffness.getBlockSize()
-    return _python_matrix(context, stiffness.getSizes(), block, stiffness.comm)
+    """A + C of A by blocks, see ``block_matrix``; collective."""
+    return block_matrix(stiffness.getPythonContext().rows, stiffness.comm, added)
 
 
 def change_added(tangent: PETSc.Mat, added: PETSc.Mat) -> None:
     """Make A + C that of another C with the same pattern; collective."""
-    tangent.getPythonContext().change(added)
+    added.copy(tangent.getPythonContext().added, SAME_PATTERN)
     tangent.stateIncrease()  # or PETSc would keep the factor of the earlier one
 
 
 def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
     """The sparse matrix with the entries of one by blocks, a copy, or the matrix itself; collective."""
-    return matrix.getPythonContext().by_entries(matrix) if is_by_blocks(matrix) else matrix
+    if not is_by_blocks(matrix):
+        return matrix
+    context = matrix.getPythonContext()
+    rows, added = context.rows, context.added
+    csr = rows.starts.astype(PETSc.IntType), rows.names[rows.columns].astype(PETSc.IntType), rows.blocks
+    copied = PETSc.Mat().createBAIJ(matrix.getSizes(), rows.size, csr=csr, comm=matrix.comm)
+    entries = row_by_row(copied.convert(PETSc.Mat.Type.AIJ))
+    if added is not None:
+        entries.axpy(1.0, added, structure=DIFFERENT_PATTERN)
+    return row_by_row(entries)
 
 
 class PreconditionerByEntries:
@@ -240,12 +199,6 @@ class PreconditionerByEntries:
         """Apply it."""
         assert self._inner is not None
         self._inner.apply(right, x)
-
-    @called_back
-    def applyTranspose(self, pc: PETSc.PC, right: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Apply the transposed one."""
-        assert self._inner is not None
-        self._inner.applyTranspose(right, x)
 
 
 def use_entries(pc: PETSc.PC, configure: Callable[[PETSc.PC], None]) -> None:
