@@ -43,32 +43,25 @@ class SystemSize:
 
 def choose_system(elasticity: Elasticity, size: SystemSize, requested: str) -> tuple[ElasticSystem, str]:
     """The elastic system, and the reason for its kind; ``requested``: ``full``, ``krylov``, ``condensed``, ``auto``, or
-    the name of a solver of another package.
+    the name of a solver of another package.  What few problems need is imported here.
     """
     kind, reason = choose_kind(size, requested)
     if kind != "krylov" and is_by_blocks(elasticity.matrix):
         elasticity = replace(elasticity, matrix=by_entries(elasticity.matrix))
-    try:
-        return _system(kind, elasticity), f"{kind}: {reason}"
-    except PETSc.Error:
-        if kind != "condensed":
-            raise
-        return ElasticSystem.of(elasticity), "full: MUMPS could not condense the system"
-
-
-def _system(kind: str, elasticity: Elasticity) -> ElasticSystem:
-    """Of this kind; the modules of those that few problems get are imported here."""
     if kind == "full":
-        return ElasticSystem.of(elasticity)
+        return ElasticSystem.of(elasticity), f"full: {reason}"
     if kind == "condensed":
-        return CondensedSystem.of(elasticity)
+        try:
+            return CondensedSystem.of(elasticity), f"condensed: {reason}"
+        except PETSc.Error:
+            return ElasticSystem.of(elasticity), "full: MUMPS could not condense the system"
     if kind == "krylov":
         from signorini_fx.algebra.linalg.krylov import KrylovSystem
 
-        return KrylovSystem.of(elasticity)
+        return KrylovSystem.of(elasticity), f"krylov: {reason}"
     from signorini_fx.algebra.linalg.user_solver import UserSystem
 
-    return UserSystem.named(kind, elasticity)
+    return UserSystem.named(kind, elasticity), f"{kind}: {reason}"
 
 
 def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:

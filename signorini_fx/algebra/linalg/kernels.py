@@ -21,7 +21,29 @@ from signorini_fx.tuned import PREFETCHED_BYTES
 
 Array = npt.NDArray[np.float64]
 SIZES = (2, 3)  # of blocks
-_ARGUMENTS = ("-O2",)
+_HEAD = (
+    "void multiply_{size}(int64_t rows, const int64_t *starts, const int32_t *columns, "
+    "const double *a, const double *x, double *y)"
+)
+# Compilers unroll the loops over a block.
+_BODY = """
+{{
+    a += {size} * {size} * starts[0];
+    for (int64_t i = 0; i < rows; ++i) {{
+        double sum[{size}] = {{0.0}};
+        for (int64_t k = starts[i]; k < starts[i + 1]; ++k, a += {size} * {size}) {{
+            const double *v = x + {size} * (int64_t)columns[k];
+            __builtin_prefetch(a + {ahead}, 0, 3);
+            for (int row = 0; row < {size}; ++row)
+                for (int column = 0; column < {size}; ++column)
+                    sum[row] += a[{size} * row + column] * v[column];
+        }}
+        for (int row = 0; row < {size}; ++row)
+            y[{size} * i + row] = sum[row];
+    }}
+}}
+"""
+_ARGUMENTS = ("-O3",)
 # The modules by their folders.
 _LOADED: dict[str, Any] = {}
 
@@ -36,55 +58,19 @@ def load(comm: MPI.Comm, folder: Path) -> None:
     key = str(folder)
     if not parallel.any_rank(comm, key not in _LOADED):
         return
+    source = "#include <stdint.h>\n" + "".join(
+        (_HEAD + _BODY).format(size=size, ahead=PREFETCHED_BYTES // 8) for size in SIZES
+    )
+    declarations = "".join(f"{_HEAD.format(size=size)};\n" for size in SIZES)
+    name = f"signorini_fx_blocks_{zlib.crc32((source + repr(_ARGUMENTS)).encode()):08x}"
     for turn in (comm.rank == 0, comm.rank > 0):  # the others find what the first rank has compiled
         error = None
         try:
             if turn:
-                _LOADED[key] = _load(folder)
+                _LOADED[key] = library(folder, name, declarations, source, _ARGUMENTS)
         except MachineError as found:
             error = found
         parallel.raise_together(comm, error)
-
-
-def _load(folder: Path) -> Any:
-    source = "#include <stdint.h>\n\n" + "\n".join(map(_function, SIZES))
-    declarations = "".join(f"{_head(size)};\n" for size in SIZES)
-    name = f"signorini_fx_blocks_{zlib.crc32((source + repr(_ARGUMENTS)).encode()):08x}"
-    return library(folder, name, declarations, source, _ARGUMENTS)
-
-
-def _head(size: int) -> str:
-    return (
-        f"void multiply_{size}(int64_t rows, const int64_t *starts, const int32_t *columns, "
-        "const double *a, const double *x, double *y)"
-    )
-
-
-def _function(size: int) -> str:
-    """Of blocks of one size, row by row."""
-    each = range(size)
-    sums = ", ".join(f"s{row} = 0.0" for row in each)
-    values = ", ".join(f"x{column} = v[{column}]" for column in each)
-    added = "\n".join(
-        f"            s{row} += " + " + ".join(f"a[{size * row + column}] * x{column}" for column in each) + ";"
-        for row in each
-    )
-    stored = "\n".join(f"        y[{size} * i + {row}] = s{row};" for row in each)
-    return f"""{_head(size)}
-{{
-    a += {size * size} * starts[0];
-    for (int64_t i = 0; i < rows; ++i) {{
-        double {sums};
-        for (int64_t k = starts[i]; k < starts[i + 1]; ++k, a += {size * size}) {{
-            const double *v = x + {size} * (int64_t)columns[k];
-            const double {values};
-            __builtin_prefetch(a + {PREFETCHED_BYTES // 8}, 0, 3);
-{added}
-        }}
-{stored}
-    }}
-}}
-"""
 
 
 class BlockProduct:

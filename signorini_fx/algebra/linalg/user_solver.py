@@ -8,14 +8,14 @@ digits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Protocol
 
 from petsc4py import PETSc
 
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, petsc_options
-from signorini_fx.algebra.linalg.petsc_calls import called_back, weakly
+from signorini_fx.algebra.linalg.petsc_calls import called_back
 from signorini_fx.extensions import LINEAR_SOLVERS, load
 from signorini_fx.tuned import KRYLOV_STEPS, LEFT_BY_SOLVES, NO_FORCE, ZERO_COMPONENT
 
@@ -28,23 +28,6 @@ class LinearSolver(Protocol):
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Write the solution, or something near it, into x."""
-
-
-@dataclass
-class _Preconditioner:
-    """What PETSc calls for one KSP."""
-
-    solver: LinearSolver
-
-    @called_back
-    def setUp(self, pc: PETSc.PC) -> None:  # PETSc calls it so
-        """Give the solver the new matrix."""
-        self.solver.set_up(pc.getOperators()[1])
-
-    @called_back
-    def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Let the solver solve."""
-        self.solver.solve(b, x)
 
 
 @called_back
@@ -60,7 +43,6 @@ class UserSystem(ElasticSystem):
     """All unknowns, and a linear solver of another package, which ``solver`` makes."""
 
     solver: type[LinearSolver] | None = None
-    _preconditioners: dict[int, _Preconditioner] = field(default_factory=dict)  # by the handles of their KSP
 
     @classmethod
     def named(cls, name: str, elasticity: Elasticity) -> UserSystem:
@@ -74,10 +56,14 @@ class UserSystem(ElasticSystem):
         ksp.setType(PETSc.KSP.Type.FGMRES)
         ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
         assert self.solver is not None
-        preconditioner = self._preconditioners[ksp.handle] = _Preconditioner(self.solver())
-        pc = ksp.getPC()
+        solver, pc = self.solver(), ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(SimpleNamespace(setUp=weakly(preconditioner.setUp), apply=weakly(preconditioner.apply)))
+        pc.setPythonContext(
+            SimpleNamespace(
+                setUp=called_back(lambda pc: solver.set_up(pc.getOperators()[1])),
+                apply=called_back(lambda pc, b, x: solver.solve(b, x)),
+            )
+        )
         ksp.setPostSolve(_judge)
 
     def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
