@@ -121,15 +121,9 @@ class RegularisedProblem:
     ``sets`` are those of the last linear solve; evaluating the residual finds the next ones (``next``) without changing
     ``sets``, so that SNES may evaluate it any number of times; assembling the Jacobian makes the next sets current.
 
-    Args:
-        system: the elastic system.
-        motions: the free rigid motions at its contact points.
-
     Attributes:
-        system: the elastic system.
-        points: its contact points.
-        tangent: what inserts their tangents into Jacobians.
-        groups: which of them are judged together.
+        tangent: what inserts tangents of contact into Jacobians.
+        groups: which contact points are judged together.
         springs: that act beside contact; None: there are none.
         data: the data that outer algorithms change.
         affine: whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and
@@ -362,10 +356,8 @@ class RegularisedProblem:
         return float(free.norm())
 
     def _least_traction(self, x: PETSc.Vec) -> float:
-        """What the penalty makes of ``ATTAINABLE_SHARE`` times the largest displacements of two bodies, stress; in
-        relative ones these cancel where both move together.  What is prescribed is none of a body that follows: a tool
-        that is driven far would be a scale of its friction.
-        """
+        """What the penalty makes of a small share of the largest displacements of two bodies, stress."""
+        # What is prescribed is none of a body that follows: a tool that is driven far would be a scale of its friction.
         free = x.copy()
         free.getArray()[self.system.contact.fixed] = 0.0
         gamma, far = max(self.data.gamma_n, self.data.gamma_t), free.norm(PETSc.NormType.NORM_INFINITY)

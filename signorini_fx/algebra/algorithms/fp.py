@@ -35,16 +35,10 @@ def fixed_point(
     to it, so the friction bound must be that of the law at each of them as well.  Each group of points has norms of its
     own, so that no body stops the iteration of another one.
 
-    Args:
-        newton: the inner method.
-        data: gamma and the shifts; this algorithm updates the bound.
-        law: gives the bound from the contact pressure.
-        start: (lambda, mu) that the iteration starts from; section 7: of the pure contact problem, g = 0.
-        first_sets: sets of the first linear solve; None: from the iterate that ``newton`` holds.
-        tolerance: for d_g = |g^m - g^(m-1)| / |g^m| in the norm of L2(Gamma_c), section 7.
-        max_outer: Tresca problems allowed.
-        augmentation: also lambda_hat <- lambda and mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the
-            unregularised solution.
+    ``start``: (lambda, mu), section 7: of the pure contact problem, g = 0; ``first_sets``: of the first linear solve,
+    None: from the iterate that ``newton`` holds; ``tolerance``: for d_g = |g^m - g^(m-1)| / |g^m| in the norm of
+    L2(Gamma_c), section 7; ``max_outer``: Tresca problems allowed; ``augmentation``: also lambda_hat <- lambda and
+    mu_hat <- mu, which is Algorithm (ALM-FP): its limit is the unregularised solution.
     """
     g, norms = start[0], newton.problem.groups.norms
     previous: Nodal | None = None
@@ -93,9 +87,7 @@ def _changes(newton: SemismoothNewton, g: Nodal) -> Nodal:
 
 
 def _missed(newton: SemismoothNewton, data: RegularisedData, law: PointFriction) -> float:
-    """Largest difference of the friction bound from that of the law at the pressure found, relative to the largest
-    pressure or shear of its group that the body feels, or if it feels none, that there is; collective.
-    """
+    """Largest difference of the friction bound from that of the law at the pressure found, relative; collective."""
     pressure, shear = newton.multipliers()
     points, groups, following = newton.problem.points, newton.problem.groups, law.bound(pressure)
     bound = data.friction_bound(pressure)

@@ -212,9 +212,7 @@ class _Programme:
         )
 
     def _room(self, shear: Nodal) -> Nodal:
-        """(F^2 g^2 - |mu|^2) / 2 where there is a disc, at least its round-off; elsewhere a number that is not zero;
-        shape (n,).
-        """
+        """(F^2 g^2 - |mu|^2) / 2 where there is a disc, at least its round-off; elsewhere not zero; shape (n,)."""
         bound, size = np.where(self._rubs, self._bound, 1.0), np.where(self._rubs, length(shear), 0.0)
         return np.maximum((bound - size) * (bound + size) / 2, np.finfo(np.float64).eps * bound**2)
 
@@ -224,9 +222,7 @@ class _Programme:
         return float(parallel.global_sum(self._comm, products.sum()))
 
     def _advanced(self, at: _Inside, *, exact: bool) -> tuple[_Inside, float] | None:
-        """The point after a step by predictor and corrector, and the share of the way to the solution of the linear
-        equations that it goes; None if a linear solve fails; collective.
-        """
+        """The point after a predictor and a corrector, and the share of it; None if a solve fails; collective."""
         x, room = self._newton.x, self._room(at.shear)
         blocks, none = self._blocks(at, room), np.zeros_like(room)
         ahead = self._direction(at, none, none, blocks, exact=exact)
@@ -249,9 +245,7 @@ class _Programme:
     def _direction(
         self, at: _Inside, normal_target: Nodal, disc_target: Nodal, blocks: Nodal, *, exact: bool
     ) -> _Inside | None:
-        """The whole step to products lambda s and r (F^2 g^2 - |mu|^2) / 2, to first order; None if the linear solve
-        fails.  The iterate is that at its end; collective.
-        """
+        """The whole step to two products, to its end the iterate goes; None if the solve fails; collective."""
         data, one, rubs, room = self._data, self._one_sided, self._rubs, self._room(at.shear)
         none, traces = np.zeros_like(room), self._problem.system.contact.traces
         u_n, u_t = traces(self._newton.x)

@@ -61,8 +61,6 @@ class SemismoothNewton:
         symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
 
     Attributes:
-        max_iterations: linear solves allowed for one problem.
-        start_time: when it was set up, on this rank.
         linear: whether there is no contact point on any rank, so that one linear solve is all there is to do.
         lost: whether the interior-point method has failed for one of the problems of the load step, which most likely
             has no solution, such as one of a fixed-point iteration beyond a limit load: it is not tried for the others.
@@ -237,10 +235,7 @@ class SemismoothNewton:
         return Status.SINGULAR
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
-        """Let SNES iterate; again from other sets if they change too slowly, with exact linear solves if loose
-        tolerances did not suffice, and with a factorisation if a Krylov method did not, then for the rest of the
-        load step.
-        """
+        """Let SNES iterate, again where ``_improved``; a factor serves for the rest of the load step."""
         usual, first = self.snes.getKSP(), self._first_iteration
         if self._factorised_in == self.history.step:
             self._factorise()
@@ -261,9 +256,7 @@ class SemismoothNewton:
         return status
 
     def _improved(self, status: Status) -> bool:
-        """Whether sets, linear solves or the iterate may be the reason for a failure, and the next ones are better;
-        collective.
-        """
+        """Whether sets, linear solves or the iterate may be why it failed, and the next are better; collective."""
         if self._slow:
             self._propose()
             return True
@@ -426,11 +419,8 @@ class SemismoothNewton:
         return (enough and 0 < abs(lost) * SLOWEST_STEPS <= left) or k >= SLOWEST_STEPS
 
     def _settled(self, residual: float, law: float) -> bool:
-        """Whether sets that repeat are those of a solution.
-
-        The residual is that of the next sets.  If directions change, these differ from the sets that the iterate was
-        computed with by the residual of the law: then the residual with the latter counts.
-        """
+        """Whether sets that repeat are those of a solution."""
+        # The residual is that of the next sets.  Where directions change, that with the present ones counts.
         tolerance = self.snes.getTolerances()[0]
         if self.problem.affine or law > tolerance or residual <= tolerance:
             return law <= tolerance and residual <= tolerance
@@ -464,10 +454,7 @@ class SemismoothNewton:
         history.add(IterationRecord(*numbers, *counts, residual, factorised, seconds))
 
     def _counts(self, bound: Nodal, next_bound: Nodal) -> list[int]:
-        """Nodes of the current sets in contact and slipping either way, nodes that change, and a fingerprint of the
-        next sets: a sum of random numbers, one for each node and state, equal for equal sets on any number of ranks;
-        collective.
-        """
+        """Nodes in contact and slipping either way, nodes that change, and a fingerprint of the next sets."""
         sets, following = transmitting(self.problem.sets, bound), transmitting(self.problem.next.sets, next_bound)
         side, changed = sets.side, sets.changed(following)
         state = 3 * following.contact.astype(np.int64) + following.side + 1

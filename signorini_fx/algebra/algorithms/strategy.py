@@ -88,9 +88,7 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
 
 
 def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *, waits: bool) -> Outcome:
-    """The solution nearest to the last one where bodies lie loose, in several load steps (``waits``) without a load,
-    too; the outcome that has failed, if there is none.  ``begin``: the iterate at the start.
-    """
+    """The solution nearest to the last one, ``begin``, where bodies lie loose, or the outcome that has failed."""
     newton = task.newton
     ended = newton.checkpoint()
     newton.restore(begin)
@@ -106,14 +104,11 @@ def _left_loose(task: Task, start: Start, begin: Checkpoint, failed: Outcome, *,
 
 
 def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
-    """The solution nearest to the iterate of the task, without tractions where bodies lie loose; None: none is found;
-    collective.
-
-    Their loads balance each other, and contact need not press on them: they are in equilibrium without any traction in
-    many places, so that no method finds one.  Springs at the contact points, far softer than the body, lead from the
-    last place to the nearest one, where they carry nothing: each solve is one step of the proximal point method
-    (R. T. Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898).
-    """
+    """The solution nearest to the iterate of the task, without tractions where bodies lie loose; None: none found."""
+    # Their loads balance each other, and contact need not press on them: they are in equilibrium without any traction
+    # in many places, so that no method finds one.  Springs at the contact points, far softer than the body, lead from
+    # the last place to the nearest one, where they carry nothing: each solve is one step of the proximal point method
+    # (R. T. Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898).
     motions, newton, comm = task.motions, task.newton, task.motions.points.comm
     numbers, law = task.idle, start.law
     without_load = np.isin(motions.of_point, numbers)
@@ -168,11 +163,8 @@ def _solve(task: Task, start: Start) -> Outcome:
 
 
 def _nothing_acts(task: Task, start: Start) -> bool:
-    """Whether the body stays where it is: no load, nothing prescribed, no penetration, and no foundation that moves
-    along points where friction has a bound without pressure; collective.
-
-    If nothing holds it, it does so in one of several load steps alone: a problem without any load is not determined.
-    """
+    """Whether the body stays where it is; collective."""
+    # If nothing holds it, it does so in one of several load steps alone: a problem without any load is not determined.
     data, loose = start.data, task.motions.count > 0
     if loose and not start.several:
         return False
@@ -188,11 +180,8 @@ def _nothing_acts(task: Task, start: Start) -> bool:
 
 
 def _first_loaded(task: Task, start: Start) -> Start:
-    """The start of bodies that contact alone holds, and does not press on: that of the first load step, with contact
-    everywhere.
-
-    No contact would hold them with the active sets, nor friction with the bound, that they have without a load.
-    """
+    """The start of a load step: contact everywhere for bodies that contact alone holds, and does not press on."""
+    # No contact would hold them with the active sets, nor friction with the bound, that they have without a load.
     if start.step == 0 or task.motions.count == 0 or start.multipliers is None:
         return start
     if parallel.any_rank(task.system.comm, any(tractions.any() for tractions in start.multipliers)):
@@ -217,9 +206,7 @@ def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outco
 
 
 def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> Outcome | None:
-    """The solution without contact, where an iteration with Coulomb friction has come to that one and has not ended,
-    as round-off decides which points touch; None: it is not.  ``moved``: the largest displacement before; collective.
-    """
+    """The solution without contact where an iteration has come to it, and round-off decides which points touch."""
     newton, points, history = failed.newton, task.motions.points, task.history
     nothing = np.zeros(points.size)
     kept = failed.data.bilateral | (law.bound(nothing) != 0)
@@ -349,9 +336,7 @@ def _either_way(
     *,
     monolithic_first: bool,
 ) -> Outcome:
-    """The fixed-point iteration or the monolithic Newton method; if it fails the other one, then augmentation; all
-    begin at the iterate of ``begun``.
-    """
+    """Fixed point or monolithic Newton, if it fails the other one, then augmentation; all from ``begun``."""
     s, newton = task.settings, begun.newton
     checkpoint = newton.checkpoint()
 

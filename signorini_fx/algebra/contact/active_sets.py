@@ -171,9 +171,7 @@ def _following(trial: Nodal, bound: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, dat
 def _directed(
     slip: npt.NDArray[np.bool_], shear: Nodal, u_t: Nodal, bound: Nodal, data: RegularisedData
 ) -> tuple[Nodal, Nodal]:
-    """The direction e of ``ActiveSets``, along the shear where points slip, along the motion where the bound is zero;
-    and k, F g over the slip along e, no less than what reaches the bound.
-    """
+    """(e, k) of ``ActiveSets``: along the shear where points slip, along the motion where the bound is zero."""
     motion = slip_of(u_t, data)
     direction = np.where((bound > 0)[:, None], np.where(slip[:, None], unit(shear), 0.0), unit(motion))
     along = data.gamma_t * inner(direction, motion) + inner(direction, data.mu_hat)

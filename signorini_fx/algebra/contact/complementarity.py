@@ -136,12 +136,6 @@ def slips(xi: Nodal, mu: Nodal, bound: Nodal, data: RegularisedData) -> npt.NDAr
 
     The slip multiplier xi, length, is zero at the others.  With sigma infinite mu decides, and xi where mu is at its
     bound.
-
-    Args:
-        xi: slip multiplier, shape (n, d - 1).
-        mu: shear, stress, shape (n, d - 1).
-        bound: F g, stress, shape (n,).
-        data: sigma.
     """
     size = length(mu)
     over = size - bound

@@ -103,11 +103,7 @@ class ContactPoints:
         """``still`` and the direction that another contact of the same node closes, where one is left to slip in.
 
         A shear along it and the pressures of both have only a common effect.  The displacement there is what the two
-        have been entered by, which vanishes in the limit.
-
-        Args:
-            contact: which points are in contact, shape (n,).
-            entered: tau_N y - d there, length, shape (n,).
+        have been entered by, tau_N y - d, which vanishes in the limit.
 
         Returns:
             Projections onto the tangential directions in which a point does not move, ``still`` and these, shape

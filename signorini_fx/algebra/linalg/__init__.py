@@ -162,37 +162,22 @@ class ElasticSystem:
         return self.contact.points.comm
 
     def configure(self, ksp: PETSc.KSP, *, symmetric: bool) -> None:
-        """Set the default linear solver for A plus contact blocks.
-
-        The user's options are applied later and take precedence.
-
-        Args:
-            ksp: the linear solver; it has its operators already, so far A alone.
-            symmetric: whether they will be.
+        """Set the default linear solver for A plus contact blocks, symmetric or not; options of the user are applied
+        later.  ``ksp`` has its operators already, so far A alone.
         """
         use_factorisation(ksp, symmetric=symmetric and self.elasticity.symmetric, definite=self.definite)
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
-        """Set a factorisation in place of the default solver, where that has failed; collective.
-
-        Args:
-            ksp: another linear solver than that of ``configure``, with the same operators.
-            symmetric: whether they are.
-
-        Returns:
-            Whether there is one: not if the default, or the choice of the user, is a factorisation or another solver
-            already, or if the memory is too small.
+        """Make a factorisation of another linear solver with the same operators as that of ``configure``, which has
+        failed; whether there is one: not if the default, or the choice of the user, is a factorisation or another
+        solver already, or if the memory is too small; collective.
         """
         return False
 
     def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
-        """Decide whether the last factorisation is that of the new matrix too, and set the solver accordingly.
-
-        Args:
-            ksp: the linear solver.
-            unchanged: whether the matrix is the same as in that factorisation.
-            forces: size of the acting forces, which the tolerance of a solve is relative to.
-            exact: whether the solve must have full accuracy.
+        """Decide whether the last factorisation is that of the new matrix too, which is the same if ``unchanged``, and
+        set the solver accordingly; ``forces``: size of the acting ones, which the tolerance of a solve is relative to;
+        ``exact``: whether it must have full accuracy.
         """
         return unchanged
 

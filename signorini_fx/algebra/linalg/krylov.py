@@ -35,9 +35,7 @@ class KrylovSystem(ElasticSystem):
     """Solved by CG or FGMRES with multigrid."""
 
     _forces: float = 0.0
-    _first_residual: float = (
-        0.0  # the residual that the last solve of the same Newton iteration began with; 0: there is none
-    )
+    _first_residual: float = 0.0  # what the last solve of the same Newton iteration began with; 0: there is none
     # By the handles of their KSP: what PETSc held would be freed late on several ranks, or never.
     _preconditioners: dict[int, ContactPreconditioner] = field(default_factory=dict)
 
@@ -164,11 +162,7 @@ class KrylovSystem(ElasticSystem):
         self._first_residual = size if allowance > 0 else 0.0  # else Newton's method ends, and another iteration begins
 
     def _left_by(self, size: float) -> float:
-        """The residual that a loose solve may leave of one of this size, see "Tolerances" in docs/theory.md.
-
-        It follows Eisenstat & Walker (1996): what Newton's method will leave anyway, if it gains as much as in the last
-        step, or the share of the forces, if that is larger.  Where the method may end soon, nothing is left.
-        """
+        """What a loose solve may leave of a residual of this size, see "Tolerances" in docs/theory.md."""
         scales = [scale for scale in (self._forces, self._first_residual) if scale > 0]
         share = min(INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0))
         return share * size if share * size > ATTAINABLE_SHARE * self._forces else 0.0

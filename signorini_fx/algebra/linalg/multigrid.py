@@ -317,10 +317,7 @@ class ContactPreconditioner:
 
     @called_back
     def setUp(self, pc: PETSc.PC) -> None:
-        """For a new tangent: factorise it at the contact unknowns, and truncate where the directions held are others.
-
-        Collective.
-        """
+        """Factorise a new tangent at the contact unknowns, and truncate where others are held; collective."""
         tangent = pc.getOperators()[0]
         self._contact_rows = tangent.createSubMatrix(self._places, None, self._contact_rows)
         self._contact = tangent.createSubMatrix(self._places, self._places, self._contact)

@@ -152,9 +152,7 @@ def _order_is_taken() -> bool:
 
 
 def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_void_p:
-    """Factorise the first rows and columns of a symmetric matrix; those of the others become the Schur complement.
-    ``in_order``: else by minimum degree.
-    """
+    """Factorise the first rows and columns of a symmetric matrix, in their order or by minimum degree."""
     broken = ctypes.c_int()
     info = (ctypes.c_double * 32)()  # MatFactorInfo is a struct of doubles; zeros are its defaults
     factor = ctypes.c_void_p()

@@ -137,9 +137,7 @@ class SchurComplement:
         return matrix
 
     def _eliminate_border(self, matrix: Array) -> Array:
-        """The matrix of the joint unknowns without the border; its Cholesky factor L, and L^-1 times its coupling with
-        the others, stay.
-        """
+        """The matrix of the joint unknowns without the border, whose factor and coupling stay."""
         cut = self._cut
         try:
             self._border_factor = cholesky(matrix[:cut, :cut], lower=True, check_finite=False)
@@ -149,9 +147,7 @@ class SchurComplement:
         return matrix[cut:, cut:] - self._across.T @ self._across if cut else matrix
 
     def _onto_retained(self, load: Array, part: Array) -> tuple[Array, Array]:
-        """A load of this rank at all that stay without the border, and at the border, eliminated; ``part``: of its
-        inner unknowns.
-        """
+        """A load at all that stay without the border, and at the border; ``part``: of its inner unknowns."""
         joint_load = np.concatenate(
             [parallel.gather_rows(self._comm, load[unknowns]) for unknowns in (self._border, self.retained)]
         )
