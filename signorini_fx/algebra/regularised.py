@@ -54,16 +54,6 @@ class NextSets:
     escapes: Status | None = None
 
 
-@dataclass(frozen=True)
-class SoftSprings:
-    """Springs at all contact points: stress per length, and the relative displacement (tau_N y, tau_T y) at which they
-    are without stress, length, shape (n, d).
-    """
-
-    stiffness: float
-    position: Nodal
-
-
 class ContactTangent:
     """The Jacobians of one problem, by their handles: ``inserted`` blocks D, and those of the last factorisation. Of A,
     by blocks or with a pattern that has that of B^T D B (``ContactMap.admitted``), only the entries that contact adds
@@ -124,7 +114,8 @@ class RegularisedProblem:
     Attributes:
         tangent: what inserts tangents of contact into Jacobians.
         groups: which contact points are judged together.
-        springs: that act beside contact; None: there are none.
+        springs: at all contact points, beside contact: stress per length, and the relative displacement (tau_N y,
+            tau_T y) at which they are without stress, length, shape (n, d); None: there are none.
         data: the data that outer algorithms change.
         affine: whether the residual is affine for fixed sets and directions, so that repeated sets mean a solution, and
             sets that come back mean a cycle: not in 3D, where the direction of slip changes, nor where a friction
@@ -140,7 +131,7 @@ class RegularisedProblem:
         self.points: ContactPoints = system.contact.points
         self.tangent = ContactTangent(system.matrix, system.contact)
         self.groups = motions.groups
-        self.springs: SoftSprings | None = None
+        self.springs: tuple[float, Nodal] | None = None
         self.data: RegularisedData
         self.sets = ActiveSets.all_in_contact(self.points.size, self.points.dimension - 1)
         self.next = NextSets(self.sets, self.sets)
@@ -199,7 +190,8 @@ class RegularisedProblem:
     def imbalance(self, x: PETSc.Vec, pressure: Nodal, shear: Nodal, f: PETSc.Vec) -> None:
         """R(x) for given (lambda, mu); collective."""
         if self.springs is not None:
-            pulled = self.springs.stiffness * (np.column_stack(self.system.contact.traces(x)) - self.springs.position)
+            stiffness, position = self.springs
+            pulled = stiffness * (np.column_stack(self.system.contact.traces(x)) - position)
             pressure, shear = pressure + pulled[:, 0], shear + pulled[:, 1:]
         self.system.matrix.mult(x, f)
         self._measure(f, x)
@@ -216,7 +208,7 @@ class RegularisedProblem:
     def insert(self, jacobian: PETSc.Mat, blocks: Nodal) -> None:
         """Make A + B^T D B of a Jacobian; D: shape (n, d, d), stress per length; collective."""
         if self.springs is not None:
-            blocks = blocks + self.springs.stiffness * np.eye(blocks.shape[1])
+            blocks = blocks + self.springs[0] * np.eye(blocks.shape[1])
         self.unchanged = self.tangent.insert(jacobian, blocks)
         if jacobian.handle in self._definite:
             # PETSc forgets it at every assembly, and LAPACK's Cholesky is three times as fast as its LDL^T.

@@ -94,9 +94,11 @@ class Augmentation:
         # At its bound, that of the problem just solved, the shear gives no information about slip.
         sticks = length_of(new_shifts[1]) < data.friction_bound(newton.multipliers()[0])
         open_at = np.abs(differences[0]), length_of(differences[1]) * sticks
-        slip = slip_of(u_t, data)
+        slip, shear = slip_of(u_t, data), new_shifts[1]
+        way = unit(slip)
+        astray = shear - np.maximum(inner(shear, way), 0.0)[:, None] * way
         with np.errstate(over="ignore"):  # all but nothing presses: the smaller one decides
-            wrong = np.minimum(length_of(slip) / lengths, length_of(_astray(new_shifts[1], slip)) / stresses)
+            wrong = np.minimum(length_of(slip) / lengths, length_of(astray) / stresses)
         least = (np.zeros(groups.count), groups.largest(wrong))
         lefts, violations, slow = [], [], []
         for change, last, gamma, movement, floor in zip(changes, self.changes, gammas, open_at, least, strict=True):
@@ -132,12 +134,6 @@ class Augmentation:
             gamma_n=grown(data.gamma_n, self.slow[0]),
             gamma_t=grown(data.gamma_t, self.slow[1]),
         )
-
-
-def _astray(shear: Nodal, slip: Nodal) -> Nodal:
-    """The part of a shear that does not point along the slip."""
-    way = unit(slip)
-    return shear - np.maximum(inner(shear, way), 0.0)[:, None] * way
 
 
 def _felt(points: ContactPoints, pressure: Nodal, shear: Nodal) -> tuple[Nodal, Nodal]:

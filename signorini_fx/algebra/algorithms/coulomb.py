@@ -64,33 +64,31 @@ def proved(task: Task, problem: RegularisedProblem, law: PointFriction, status: 
     if lost is not None:
         return lost.status
     task.history.add(f"{status.value}: with the friction bound of the pressure before, not by the law itself")
-    share = share_of_loads(task, data)
+    # A multiple of the loads above which no pressures, and no shears up to the given bound, carry them.
+    allowed = reactions(motions, as_given(data.bound), data.bilateral)
+    loaded = [(number, columns) for number, columns in motions.assemblies if resultant[columns].any()]
+    share = min((largest_multiple(allowed.of(number, at), resultant[at]) for number, at in loaded), default=np.inf)
     if share >= 1.0:
         return Status.OUTER_MAX_ITERATIONS
     task.history.add(f"friction at this pressure carries at most {share:.5g} of the loads")
     return Status.SLIDES_AT_PRESSURES
 
 
-def share_of_loads(task: Task, data: RegularisedData) -> float:
-    """A multiple of the loads above which no pressures, and no shears up to the given bound, carry them; collective."""
-    motions, load = task.motions, task.system.resultant
-    allowed = reactions(motions, as_given(data.bound), data.bilateral)
-    loaded = [(number, columns) for number, columns in motions.assemblies if load[columns].any()]
-    return min((largest_multiple(allowed.of(number, at), load[at]) for number, at in loaded), default=np.inf)
-
-
 def coulomb_newton(
-    newton: SemismoothNewton,
-    data: RegularisedData,
-    law: PointFriction,
-    first_sets: ActiveSets | None,
+    task: Task, data: RegularisedData, law: PointFriction, first_sets: ActiveSets | None, *, augmented: bool
 ) -> Status:
     """Solve the Coulomb problem in one semi-smooth Newton iteration of an inner method with an unsymmetric solver, from
-    its iterate (the pure contact problem); not in the paper.  The map mu - clip(mu_hat + gamma_2 tau_T y, -F lambda(y),
-    F lambda(y)) with lambda(y) of (3.3b) is as semi-smooth as (3.4); its derivative has d mu / d tau_N y = +-F gamma_1
-    at slip nodes in contact.  It converges locally: from a poor start its sets may cycle.
+    its iterate (the pure contact problem), or in one for each update; not in the paper.
+
+    The map mu - clip(mu_hat + gamma_2 tau_T y, -F lambda(y), F lambda(y)) with lambda(y) of (3.3b) is as semi-smooth as
+    (3.4); its derivative has d mu / d tau_N y = +-F gamma_1 at slip nodes in contact.  It converges locally: from a
+    poor start its sets may cycle.
     """
-    return newton.solve(replace(data, bound=law.given, follows=law), first_sets)
+    coupled, newton = replace(data, bound=law.given, follows=law), task.unsymmetric_newton
+    if not augmented:
+        return newton.solve(coupled, first_sets)
+    max_outer = task.settings.max_outer_iterations
+    return augmented_lagrangian(augmentation_on(task, newton), coupled, first_sets, max_outer=max_outer)
 
 
 def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome) -> Outcome:
@@ -98,7 +96,7 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
     load steps; it begins with the multipliers of the load step before, or with the start of Coulomb friction;
     ``begun``: the outcome with the problem of the method that has failed.
     """
-    s, newton, multipliers = task.settings, task.newton, start.multipliers
+    newton, multipliers = task.newton, start.multipliers
     # The limit is the same for every gamma: a small one makes the problems easiest.
     gammas = CONTINUATION_SHARE * begun.data.gamma_n, CONTINUATION_SHARE * begun.data.gamma_t
     slip_origin = begun.data.slip_origin - start.elastic_slip
@@ -109,9 +107,8 @@ def by_augmentation(task: Task, start: Start, law: PointFriction, begun: Outcome
         if status is not Status.CONVERGED:
             return replace(failed, status=proved(task, newton.problem, law, status))
         multipliers = newton.multipliers()
-    coupled = replace(data, bound=law.given, follows=law, lambda_hat=multipliers[0], mu_hat=multipliers[1])
-    augmentation = augmentation_on(task, task.unsymmetric_newton)
-    status = augmented_lagrangian(augmentation, coupled, newton.problem.sets, max_outer=s.max_outer_iterations)
+    shifted = replace(data, lambda_hat=multipliers[0], mu_hat=multipliers[1])
+    status = coulomb_newton(task, shifted, law, newton.problem.sets, augmented=True)
     if status is not Status.CONVERGED:
         return replace(failed, status=proved(task, newton.problem, law, status))
     scene_data = replace(data, gamma_n=begun.data.gamma_n, gamma_t=begun.data.gamma_t)

@@ -32,7 +32,6 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import length
 from signorini_fx.algebra.contact.statics import no_balance
-from signorini_fx.algebra.regularised import SoftSprings
 from signorini_fx.machine import parallel
 from signorini_fx.records import OuterRecord, Status
 from signorini_fx.tuned import CONTINUATION_SHARE, GAMMA_GROWTH, LARGEST_GAMMA, NO_FORCE, START_GAMMA
@@ -70,7 +69,11 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
             )
         start = replace(start, data=enough)
     if _nothing_acts(task, start):
-        return _stay(task, start)
+        task.newton.x.set(0.0)  # it is the solution; no linear system is solved
+        history = task.history
+        history.add("nothing loads the body: it stays where it is")
+        history.add(OuterRecord(history.step, len(history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
+        return _without_contact(task, start.data, Status.CONVERGED)
     start = _first_loaded(task, start)
     begin, waits = task.newton.checkpoint(), start.several or start.step > 0
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
@@ -126,7 +129,7 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
     position = np.column_stack(problem.system.contact.traces(newton.x))
     farthest, moved = parallel.largest(comm, np.abs(position), 0.0), np.inf
     while True:
-        problem.springs = SoftSprings(NO_FORCE * task.natural_gamma, position)
+        problem.springs = NO_FORCE * task.natural_gamma, position
         outcome, last_position = _solve(held, start), position
         if outcome.status not in (Status.CONVERGED, Status.ROUND_OFF):  # the springs may carry no more than that
             return None
@@ -187,15 +190,6 @@ def _first_loaded(task: Task, start: Start) -> Start:
     if parallel.any_rank(task.system.comm, any(tractions.any() for tractions in start.multipliers)):
         return start
     return replace(start, multipliers=None, sets=ActiveSets.all_in_contact(*start.data.mu_hat.shape))
-
-
-def _stay(task: Task, start: Start) -> Outcome:
-    """Zero is the solution; no linear system is solved."""
-    task.newton.x.set(0.0)
-    task.history.add("nothing loads the body: it stays where it is")
-    history = task.history
-    history.add(OuterRecord(history.step, len(history.outer), 0, start.data.gamma_n, None, Status.CONVERGED.value))
-    return _without_contact(task, start.data, Status.CONVERGED)
 
 
 def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outcome:
@@ -315,11 +309,7 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
         )
 
     def monolithic() -> Status:
-        if s.algorithm != "alm":
-            return coulomb_newton(task.unsymmetric_newton, data, law, first_sets)
-        coupled = replace(data, bound=law.given, follows=law)
-        augmentation = augmentation_on(task, task.unsymmetric_newton)
-        return augmented_lagrangian(augmentation, coupled, first_sets, max_outer=s.max_outer_iterations)
+        return coulomb_newton(task, data, law, first_sets, augmented=s.algorithm == "alm")
 
     near = start.multipliers is not None  # of a coarser mesh, of an earlier load step, or of another load
     first = s.coulomb == "newton" or (s.coulomb == "auto" and near and s.algorithm != "alm")

@@ -134,11 +134,6 @@ class PointFriction:
                 cap[entry.points] = np.inf if entry.cap is None else entry.cap
         return PointFriction(weight * self.given, self.coefficient, None if cap is None else weight * cap)
 
-    def at(self, points: npt.NDArray[Any]) -> PointFriction:
-        """An envelope at some of the points, by their numbers or flags."""
-        cap = None if self.cap is None else self.cap[points]
-        return PointFriction(self.given[points], self.coefficient[points], cap)
-
     def line(self, pressure: Nodal, bilateral: npt.NDArray[np.bool_]) -> tuple[Nodal, Nodal]:
         """Value at zero and slope of the tangent of the bound at a pressure, stress and number, shapes (n,); a negative
         pressure counts as zero but where contact cannot open.

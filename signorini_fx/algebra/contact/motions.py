@@ -103,7 +103,9 @@ class FreeMotions:
         resists, nor, perpendicular to it, slip in ``directions``, shape (n, d - 1), where these are not zero; shape
         (assemblies,); collective.
         """
-        unresisted = np.zeros(self._assembly_count, dtype=bool)
+        # Those that this rank knows of, also if they cannot move.
+        last = max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))
+        unresisted = np.zeros(int(last) + 1, dtype=bool)
         if not self.count:
             return unresisted
         across = None if directions is None or directions.shape[1] == 1 else self._across(directions)
@@ -124,11 +126,6 @@ class FreeMotions:
         return [number for number in numbers if not parallel.any_rank(comm, bool(pressed[of == number].any()))]
 
     @cached_property
-    def _assembly_count(self) -> int:
-        """How many assemblies this rank knows of, those that cannot move included."""
-        return int(max(self.assembly.max(initial=-1), self.of_point.max(initial=-1))) + 1
-
-    @cached_property
     def _moved(self) -> Nodal:
         """How much each motion moves the points of this rank, squared, shape (1, k)."""
         return np.asarray(np.square(self.relative).sum(axis=(0, 1))[None])
@@ -143,9 +140,7 @@ class FreeMotions:
     def held_by(
         self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None
     ) -> bool:
-        """Whether points in contact, sticking, and slipping in another direction resist every motion, see ``unheld``;
-        collective.
-        """
+        """Whether points in contact, sticking, and slipping in another direction resist every motion; collective."""
         return not self.unheld(normal, stick, directions).any()
 
 

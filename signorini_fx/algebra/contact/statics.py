@@ -119,26 +119,13 @@ class Reactions:
 
     def of(self, number: int, columns: npt.NDArray[np.bool_]) -> Reactions:
         """The nodes and the motions of one assembly."""
-        in_assembly = self.assembly == number
-        return Reactions(
-            normal=self.normal[in_assembly][:, columns],
-            tangential=self.tangential[in_assembly][:, :, columns],
-            given=self.given[in_assembly],
-            coefficient=self.coefficient[in_assembly],
-            cap=self.cap[in_assembly],
-            bilateral=self.bilateral[in_assembly],
-            assembly=self.assembly[in_assembly],
-        )
+        normal, tangential, *others = (values[self.assembly == number] for values in vars(self).values())
+        return Reactions(normal[:, columns], tangential[:, :, columns], *others)
 
     @property
     def friction(self) -> npt.NDArray[np.bool_]:
         """The nodes with friction, shape (n,)."""
         return np.asarray((self.given > 0) | (self.coefficient > 0))
-
-    @property
-    def rough(self) -> Reactions:
-        """The same with unlimited friction wherever there is any."""
-        return replace(self.unlimited(self.friction), coefficient=np.zeros_like(self.coefficient))
 
     def unlimited(self, where: npt.NDArray[np.bool_]) -> Reactions:
         """The same with unlimited given friction at some nodes, and none at the others."""
@@ -325,7 +312,7 @@ def escape(contact: Reactions, load: Nodal) -> tuple[Status, Nodal] | None:
     if not near.unbalanced:
         return None
     if contact.friction.any():
-        rough = nearest(contact.rough, load)
+        rough = nearest(replace(contact.unlimited(contact.friction), coefficient=0.0 * contact.coefficient), load)
         if not rough.unbalanced:
             return Status.SLIDES, along_contact(contact, near.motion, near.pressed)
         near = rough

@@ -157,15 +157,14 @@ class KrylovSystem(ElasticSystem):
         if petsc_options.user_sets("ksp_") or (atol == 0.0 and rtol > ZERO_COMPONENT):
             return
         size = (b - ksp.getOperators()[0] * x).norm()
-        allowance = self._left_by(size) if self.inexact else 0.0
+        # What Newton's method will leave anyway, if it gains as much as in the last step, or the share of the forces,
+        # if that is larger (Eisenstat & Walker, 1996; "Tolerances" in docs/theory.md).
+        scales = [scale for scale in (self._forces, self._first_residual) if scale > 0]
+        allowance = size * min(INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0))
+        if not self.inexact or allowance <= ATTAINABLE_SHARE * self._forces:  # the method may end soon
+            allowance = 0.0
         ksp.setTolerances(rtol=ZERO_COMPONENT, atol=max(LEFT_BY_SOLVES * self._forces, allowance))
         self._first_residual = size if allowance > 0 else 0.0  # else Newton's method ends, and another iteration begins
-
-    def _left_by(self, size: float) -> float:
-        """What a loose solve may leave of a residual of this size, see "Tolerances" in docs/theory.md."""
-        scales = [scale for scale in (self._forces, self._first_residual) if scale > 0]
-        share = min(INEXACT_TOLERANCE, max((size / scale for scale in scales), default=1.0))
-        return share * size if share * size > ATTAINABLE_SHARE * self._forces else 0.0
 
     def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
         """For the same matrix; where it is another one, a solve by multigrid need not be exact."""

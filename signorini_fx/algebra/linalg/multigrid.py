@@ -283,25 +283,22 @@ class ContactPreconditioner:
         self._contact_rows: PETSc.Mat | None = None
         self._contact: PETSc.Mat | None = None
         self._reduced: PETSc.Mat | None = None
-        self._create_cycle()
         self._solver = PETSc.PC().create(self._places.comm)  # of the contact unknowns, whose graph is that of a surface
         use_direct(self._solver, self._places.getSize(), symmetric=symmetric)
-
-    def _create_cycle(self) -> None:
-        """A V-cycle with Chebyshev's iteration on each level, Jacobi inside."""
-        levels, truncated = self._levels.hierarchy, self._levels.truncated
-        depth = len(levels.interpolations)
+        # A V-cycle with Chebyshev's iteration on each level, Jacobi inside.
+        hierarchy, truncated = levels.hierarchy, levels.truncated
+        depth = len(hierarchy.interpolations)
         cycle = PETSc.PC().create(self._places.comm)
         cycle.setOptionsPrefix(petsc_options.PREFIX)
         cycle.setType(PETSc.PC.Type.MG)
         cycle.setMGLevels(depth + 1)
-        for level, interpolation in enumerate((truncated.interpolation, *levels.interpolations[1:])):
+        for level, interpolation in enumerate((truncated.interpolation, *hierarchy.interpolations[1:])):
             cycle.setMGInterpolation(depth - level, interpolation)
         self._smoothers = [cycle.getMGSmoother(level) for level in range(depth - 1, 0, -1)]
         self._smoothers.append(cycle.getMGCoarseSolve())
-        coarsest = levels.coarse[-1].getSize()[0]
+        coarsest = hierarchy.coarse[-1].getSize()[0]
         if coarsest > _FEW:
-            use_direct(self._smoothers[-1].getPC(), coarsest, symmetric=self._symmetric)
+            use_direct(self._smoothers[-1].getPC(), coarsest, symmetric=symmetric)
         for smoother in self._smoothers[:-1]:
             smoother.getPC().setType(PETSc.PC.Type.JACOBI)
         for smoother, matrix in zip(self._smoothers, truncated.coarse, strict=True):
@@ -311,7 +308,7 @@ class ContactPreconditioner:
         finest.setOptionsPrefix(f"{petsc_options.PREFIX}mg_finest_")
         finest.setType(PETSc.KSP.Type.CHEBYSHEV)
         finest.getPC().setType(PETSc.PC.Type.MAT)
-        low, high = 0.1 * levels.largest, 1.1 * levels.largest  # the part of the spectrum that PETSc damps
+        low, high = 0.1 * hierarchy.largest, 1.1 * hierarchy.largest  # the part of the spectrum that PETSc damps
         call("KSPChebyshevSetEigenvalues", finest, ctypes.c_double(high), ctypes.c_double(low))
         self._finest, self._cycle = finest, cycle
 
