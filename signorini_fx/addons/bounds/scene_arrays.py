@@ -249,7 +249,7 @@ class _SceneRows:
         the direction to a foundation, or the facets of the other body and the area that the pair covers.
         """
         d, pair = self._d, self._model.pairs.get(number)
-        named = self._model.tagged.facets(effect.boundary) if pair is None else pair.slave.facets
+        named = self._model.tagged.facets(effect.boundary) if pair is None else pair.sides.slave.facets
         facets = _Facets.of(self._model, named)
         bound = getattr(effect.friction, "bound", 0.0)  # that of Tresca friction
         _refuse_jumps(bound, facets.x, "friction bound")
@@ -268,7 +268,7 @@ class _SceneRows:
         if pair is not None:
             first = parallel.is_root(self._model.comm)
             rows |= {
-                f"master {number}": _Facets.of(self._model, pair.master.facets).vertices,
+                f"master {number}": _Facets.of(self._model, pair.sides.master.facets).vertices,
                 f"covered {number}": np.array([first * pair.coupling.met]),
                 f"by geometry {number}": np.array([pair.by_geometry]),
             }

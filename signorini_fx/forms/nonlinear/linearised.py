@@ -55,7 +55,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
     Foundations,
     ShapeDistances,
 )
-from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides, SlidingSides, turned_forces
+from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides, turned_forces
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
@@ -217,7 +217,7 @@ class MovingFoundations(Foundations):
         allowance = self._values[number](self._contact[number].allowance, f"contact[{number}].allowance")
         gap = allowance.copy()
         pair.allowance = allowance[: pair.allowance.size]
-        gap[pair.sides.local_points()] += pair.opening
+        gap[pair.local_points] += pair.opening
         return gap, allowance
 
     def _distance_of(self, number: int) -> Array:
@@ -300,8 +300,7 @@ class LinearisedProblem(FormSolver):
             owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
             at_rest, fixed = foundations.at_rest(fixed, values)[:owned], fixed[:owned]
             facing = {k: foundations.facing(k, foundations.factor_of(k), fixed, None, at_rest) for k in numbers}
-            sides = {k: SlidingSides.from_facing(both, self.contact[k].reach) for k, both in facing.items()}
-            pairs = {k: MovingPair(both) for k, both in sides.items()}
+            pairs = {k: MovingPair(both, self.contact[k].reach) for k, both in facing.items()}
             reason = "no point of its side sees the other one within the reach: nothing would hold both together"
             unseen = [k for k, pair in pairs.items() if not pair.coupling.frames.partnered.any()]
             if apart := [(f"contact[{k}].bilateral", reason) for k in unseen if self.contact[k].bilateral]:

@@ -25,7 +25,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import block_diagonal
-from signorini_fx.mechanics.obstacles.paired_points import SlidingSides
+from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
 from signorini_fx.records import Status
 from signorini_fx.tuned import HOLDING_STIFFNESS, MOST_PLACES, NEGLIGIBLE, NO_FORCE, SHAPE_INSIDE
@@ -229,7 +229,7 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
         of_node = pair.sides.gathered(nodal[:owned])[:, 0]
         for share in np.arange(1, steps + 1) / steps:
             # Contact at the end would not see what is deeper than its reach.
-            seen = pair.sides.reach if share == 1.0 else math.inf
+            seen = pair.reach if share == 1.0 else math.inf
             places = (1.0 - share) * then + share * now
             at = pair.sides.gathered(np.ascontiguousarray(places[:owned]))
             found = _within(cells, places, piece[: len(cells.nodes)], at, of_node)
@@ -259,7 +259,7 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
     return within
 
 
-def _deepest(sides: SlidingSides, at: Array, within: Flags, at_most: float) -> InsideBody | None:
+def _deepest(sides: FacingSides, at: Array, within: Flags, at_most: float) -> InsideBody | None:
     """The deepest of the nodes of both sides that are in the other body, of those that are too deep: along the normal
     of the other side at its nearest node.
     """

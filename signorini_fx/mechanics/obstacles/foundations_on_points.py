@@ -379,7 +379,7 @@ class Foundations:
         from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
 
         gap = given.copy()
-        gap[pair.local(pair.coupling.nodes)] += closed_within(pair.coupling.gap, contact.adjust)
+        gap[pair.sides.local(pair.coupling.nodes)] += closed_within(pair.coupling.gap, contact.adjust)
         return gap, given
 
     @cached_property

@@ -5,7 +5,7 @@ for all or at the displacement of now.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -286,15 +286,23 @@ class FacingSides:
         unable, fixed = entries[:, -1], np.concatenate((entries[:, :dim], reached[:, :dim]))
         return cls(space, index, slave, master, unable, fixed, held, None if turned is None else frames)
 
-    @property
-    def of_facing(self) -> dict[str, Any]:
-        """What is known before both sides are paired, by name."""
-        return {field.name: getattr(self, field.name) for field in fields(FacingSides)}
-
     @cached_property
     def nodes(self) -> npt.NDArray[np.int64]:
         """Global numbers of the nodes of both sides, those of the slave first, shape (m,)."""
         return np.concatenate((self.slave.nodes, self.master.nodes))
+
+    @cached_property
+    def x(self) -> Array:
+        """Their undeformed positions, length, shape (m, d)."""
+        return np.concatenate((self.slave.surface.x, self.master.surface.x))
+
+    def gathered(self, owned: Array) -> Array:
+        """Rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
+        return from_owners(owned, self.nodes, self.space.mesh.comm)
+
+    def displaced_master(self, owned: Array) -> PairSurface:
+        """The master at a displacement of the owned nodes, length, shape (owned nodes, d); collective."""
+        return self.master.surface.displaced(from_owners(owned, self.master.nodes, self.space.mesh.comm))
 
     def local(self, nodes: npt.NDArray[np.int64]) -> Indices:
         """Local numbers of nodes of the slave that this rank owns."""
@@ -330,20 +338,20 @@ class FacingSides:
 
 
 @dataclass(frozen=True)
-class PairedSides(FacingSides):
-    """Both sides of a pair, and what joins them.
+class PairedSides:
+    """The two sides of a pair whose points keep their partners, and what joins them.
 
     Attributes:
+        sides: both.
         coupling: of both.
         by_geometry: whether the gap is the distance of both sides.
-        adjust: up to which distance the sides count as closed, length; None: nowhere.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
             coupling that tells how distances turn.
     """
 
+    sides: FacingSides
     coupling: Coupling
     by_geometry: bool
-    adjust: float | None = None
     followed: bool = False
 
     @classmethod
@@ -353,30 +361,28 @@ class PairedSides(FacingSides):
         Raises:
             FormError: the sides do not fit together.
         """
-        slave, master, comm = facing.slave, facing.master, facing.space.mesh.comm
         try:
             coupling = couple(
-                slave.surface,
-                master.surface,
+                facing.slave.surface,
+                facing.master.surface,
                 facing.unable,
                 facing.held,
                 bonded=pair.bonded,
                 nominal=not pair.by_geometry,
                 reach=pair.reach,
-                comm=comm,
-                mine=slave.owned(facing.space),
+                comm=facing.space.mesh.comm,
+                mine=facing.slave.owned(facing.space),
             )
         except PairingError as error:
             raise FormError([(f"contact[{facing.index}]", str(error))]) from None
-        return cls(**facing.of_facing, coupling=coupling, by_geometry=pair.by_geometry, adjust=pair.adjust)
+        return cls(facing, coupling, pair.by_geometry)
 
     def deformed(self, displacement: Array) -> PairedSides:
         """The same points and partners as those of undeformed sides, with normals that turn as those of the master do
         at the partners; collective.  ``displacement``: of the owned nodes, length, shape (owned nodes, d).
         """
-        normal, start = self.coupling.normal, self.master.surface
-        master = start.displaced(from_owners(displacement, self.master.nodes, self.space.mesh.comm))
-        initial, present = (self._at_partners(side) for side in (start, master))
+        normal, moved = self.coupling.normal, self.sides.displaced_master(displacement)
+        initial, present = (self._at_partners(side) for side in (self.sides.master.surface, moved))
         initial, present = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (initial, present))
         bisector, share = initial + present, 1.0 + np.sum(initial * present, axis=1, keepdims=True)
         along, initial_part = (np.sum(vectors * normal, axis=1, keepdims=True) for vectors in (bisector, initial))
@@ -389,13 +395,12 @@ class PairedSides(FacingSides):
 
         Between the vertices of quadratic triangles normals are means, whose turning is left out.
         """
-        coupling = self.coupling
-        master = self.master.surface.displaced(from_owners(displacement, self.master.nodes, self.space.mesh.comm))
-        sums, identity = self._at_partners(master), np.eye(coupling.normal.shape[1])
+        master, identity = self.sides.displaced_master(displacement), np.eye(self.coupling.normal.shape[1])
+        sums = self._at_partners(master)
         size = np.linalg.norm(sums, axis=1)[:, None, None]
         present = sums / size[:, 0]
         turned = (present[:, :, None] * present[:, None] - identity) @ (identity - self.across) / size
-        nodal = of_components(coupling.master, len(identity)) @ turned_normals(master)
+        nodal = of_components(self.coupling.master, len(identity)) @ turned_normals(master)
         return sp.csr_array(along_vectors(turned.transpose(0, 2, 1)) @ nodal)
 
     def _at_partners(self, master: PairSurface) -> Array:
@@ -408,15 +413,15 @@ class PairedSides(FacingSides):
     @property
     def across(self) -> Array:
         """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
-        return np.asarray(self.slave.surface.across[self.coupling.nodes])
+        return np.asarray(self.sides.slave.surface.across[self.coupling.nodes])
 
     @cached_property
     def relative(self) -> sp.csr_array:
         """The relative displacement from that of the nodes of both sides, shape (n d, m d), without what ``mirrored``
         leaves out.
         """
-        coupling = self.coupling
-        relative = of_components(beside(coupling.slave, -coupling.master), self.slave.surface.dimension)
+        coupling, dim = self.coupling, self.sides.slave.surface.dimension
+        relative = of_components(beside(coupling.slave, -coupling.master), dim)
         if not self.followed:
             relative = relative + coupling.turning
         if self.across.any():
@@ -425,21 +430,21 @@ class PairedSides(FacingSides):
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank; collective."""
-        coupling, dim, relative = self.coupling, self.slave.surface.dimension, self.relative
-        lift = coupling.lift(self.slave.surface).tocoo()
+        sides, coupling, dim, relative = self.sides, self.coupling, self.sides.slave.surface.dimension, self.relative
+        lift = coupling.lift(sides.slave.surface).tocoo()
         reached = np.unique(np.concatenate((relative.indices // dim, lift.row)))
         components = (dim * reached[:, None] + np.arange(dim)).ravel()
-        lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(self.nodes.size, coupling.nodes.size))
+        lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(sides.nodes.size, coupling.nodes.size))
         averages = Averages(
             beside(coupling.slave, -coupling.master)[:, reached],
-            self.nodes[reached],
-            np.concatenate((self.slave.surface.x, self.master.surface.x))[reached],
-            self.fixed[reached],
+            sides.nodes[reached],
+            sides.x[reached],
+            sides.fixed[reached],
             coupling.centre,
             lifting[reached],
             relative[:, components],
         )
-        return self.points_at(coupling.nodes, averages, weight=coupling.weight, normal=coupling.normal)
+        return sides.points_at(coupling.nodes, averages, weight=coupling.weight, normal=coupling.normal)
 
 
 def turned_forces(state: ContactState, paired: PairedSides, displacement: Array) -> JointStiffness:
@@ -447,7 +452,7 @@ def turned_forces(state: ContactState, paired: PairedSides, displacement: Array)
     symmetric, and its transpose; ``paired``: both sides where they are undeformed; collective.
     """
     boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
-    points = np.flatnonzero(boundary.part == paired.index)
+    points = np.flatnonzero(boundary.part == paired.sides.index)
     normal, weight = boundary.normal[points], boundary.weight[points, None, None]
     shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])
     # Tangents turn against normals.
@@ -456,7 +461,9 @@ def turned_forces(state: ContactState, paired: PairedSides, displacement: Array)
     operator = sp.csr_array(averages.operator)[(dim * points[:, None] + components).ravel()]
     forces = along_vectors((weight * tractions).swapaxes(1, 2)) @ paired.turning(displacement)
     entries = sp.coo_array(operator.T @ forces)
-    rows, columns = ((dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.master.nodes))
+    rows, columns = (
+        (dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.sides.master.nodes)
+    )
     of_rank = rows[entries.row], columns[entries.col], entries.data
     row, column, value = (np.concatenate(part) for part in zip(*boundary.comm.allgather(of_rank), strict=True))
     unknowns = np.stack((row, column))
@@ -466,111 +473,13 @@ def turned_forces(state: ContactState, paired: PairedSides, displacement: Array)
     return JointStiffness(reached, sp.csr_array(matrix + matrix.T))
 
 
-@dataclass(frozen=True)
-class SlidingSides(FacingSides):
-    """Both sides of a pair that slide on each other, undeformed.
-
-    Attributes:
-        points: nodes of the slave that have a point, shape (n,).
-        reach: distance beyond which facets are no partners, length.
-    """
-
-    points: npt.NDArray[np.int64]
-    reach: float
-
-    @classmethod
-    def from_facing(cls, facing: FacingSides, reach: float | None) -> SlidingSides:
-        """Two sides; ``reach``: distance beyond which facets are no partners, length; None: a default.
-
-        Raises:
-            FormError: the sides share nodes, or no node can carry a point.
-        """
-        name = f"contact[{facing.index}]"
-        slave, master = facing.slave, facing.master
-        if np.intersect1d(slave.nodes, master.nodes).size:
-            raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
-        points = np.flatnonzero(~facing.unable & (slave.surface.area > 0.0) & ~slave.surface.without_area)
-        if not points.size:
-            raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
-        if reach is None:
-            reach = default_reach(slave.surface.x, master.surface.x)
-        return cls(**facing.of_facing, points=points, reach=reach)
-
-    @cached_property
-    def mine(self) -> npt.NDArray[np.int64]:
-        """Which of the points this rank owns."""
-        return np.flatnonzero(self.slave.owned(self.space)[self.points])
-
-    def gathered(self, owned: Array) -> Array:
-        """Rows of the owned nodes at the nodes of both sides, shape (m, k); collective."""
-        return from_owners(owned, self.nodes, self.space.mesh.comm)
-
-    def at(self, displacement: Array) -> SlidingCoupling:
-        """The map at a displacement of the nodes of both sides, shape (m, d).
-
-        Raises:
-            PairingError: a facet sees two sheets of the other side.
-        """
-        on_slave, on_master = np.split(displacement, [self.slave.nodes.size])
-        slave, master = self.slave.surface.displaced(on_slave), self.master.surface.displaced(on_master)
-        return slide(slave, master, self.points, self.unable, self.reach, self.held)
-
-    def local_points(self) -> Indices:
-        """Local numbers of the nodes of the points of this rank."""
-        return self.local(self.points[self.mine])
-
-    @cached_property
-    def across(self) -> Array:
-        """Projectors onto the directions across planes of symmetry at the points, shape (n, d, d)."""
-        return np.asarray(self.slave.surface.across[self.points])
-
-    def _sliding(self, coupling: SlidingCoupling) -> Array:
-        """Tangents without what they have across planes of symmetry, as nothing slides there, shape (n, d, d - 1)."""
-        tangents = coupling.frames.tangents
-        return np.asarray(tangents - np.einsum("nij,njk->nik", self.across, tangents))
-
-    def boundary(self, coupling: SlidingCoupling) -> ContactBoundary:
-        """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
-        across it.
-        """
-        mine, dim, normal = self.mine, self.slave.surface.dimension, coupling.normal[self.mine]
-        rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
-        normal_rows, tangent_rows = coupling.normal_rows[mine], coupling.tangent_rows[rows_of_tangents]
-        moved = beside(coupling.frames.slave, -coupling.frames.master)[mine]
-        inward = along_vectors(normal[:, :, None]), along_vectors(self._sliding(coupling)[mine])
-        along = inward[0].T @ normal_rows + inward[1].T @ tangent_rows
-        x = np.concatenate((self.slave.surface.x, self.master.surface.x))
-        averages = Averages(moved, self.nodes, x, self.fixed, centre=coupling.centre[mine], between=sp.csr_array(along))
-        translation = np.tile(np.eye(dim), (len(self.slave.nodes), 1))  # of the slave alone
-        pushing = np.asarray(normal_rows[:, : len(translation)] @ translation)
-        points = self.points_at(
-            self.points[mine], averages, weight=coupling.weight[mine], normal=normal, pushing=pushing
-        )
-        partnered = coupling.frames.partnered
-        counted = partnered | ~partnered.any()
-        return replace(points, free=points.free & counted[mine, None])
-
-    def sliding_along(self, coupling: SlidingCoupling, slip: Array) -> Array:
-        """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along,
-        at those of this rank, shape (n, d).
-        """
-        return np.asarray(np.einsum("ndk,nk->nd", self._sliding(coupling), slip))[self.mine]
-
-    def at_points(self, values: Array) -> Array:
-        """Values at the points of this rank, shape (n, ...), at those of all ranks; collective."""
-        columns = values.reshape(len(values), int(np.prod(values.shape[1:])))
-        owned = np.zeros((self.space.dofmap.index_map.size_local, columns.shape[1]))
-        owned[self.local_points()] = columns
-        gathered = from_owners(owned, self.slave.nodes[self.points], self.space.mesh.comm)
-        return gathered.reshape(len(gathered), *values.shape[1:])
-
-
-@dataclass
 class MovingPair:
-    """The two sides of a pair, and where they are.
+    """The two sides of a pair that slide on each other, and where they are.
 
     Attributes:
         sides: both, undeformed.
+        reach: distance beyond which facets are no partners, length.
+        points: nodes of the slave that have a point, shape (n,).
         displacement: of the nodes of both, length, shape (m, d).
         coupling: the map there.
         settled: the displacement at the end of the last step.
@@ -578,17 +487,26 @@ class MovingPair:
         allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
     """
 
-    sides: SlidingSides
-    displacement: Array = field(init=False)
-    coupling: SlidingCoupling = field(init=False)
-    settled: Array = field(init=False)
-    begun: Frames = field(init=False)
-    allowance: Array = field(init=False)
+    settled: Array
+    begun: Frames
 
-    def __post_init__(self) -> None:
-        self.displacement = np.zeros((self.sides.nodes.size, self.sides.slave.surface.dimension))
-        self.coupling = self.sides.at(self.displacement)
-        self.allowance = np.zeros(self.sides.space.dofmap.index_map.size_local)
+    def __init__(self, sides: FacingSides, reach: float | None) -> None:
+        """Two sides, undeformed; ``reach``: None: a default.
+
+        Raises:
+            FormError: the sides share nodes, or no node can carry a point.
+        """
+        surface, name = sides.slave.surface, f"contact[{sides.index}]"
+        if np.intersect1d(sides.slave.nodes, sides.master.nodes).size:
+            raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
+        points = np.flatnonzero(~sides.unable & (surface.area > 0.0) & ~surface.without_area)
+        if not points.size:
+            raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
+        self.sides, self.points = sides, points
+        self.reach = default_reach(surface.x, sides.master.surface.x) if reach is None else reach
+        self.displacement = np.zeros_like(sides.x)
+        self.coupling = self._at(self.displacement)
+        self.allowance: Array = np.zeros(sides.space.dofmap.index_map.size_local)
         self.settle()
 
     def move(self, owned: Array) -> None:
@@ -597,52 +515,103 @@ class MovingPair:
         """
         displacement = self.sides.gathered(owned)
         if not np.array_equal(displacement, self.displacement):
-            self.coupling, self.displacement = self.sides.at(displacement), displacement
+            self.coupling, self.displacement = self._at(displacement), displacement
 
     def settle(self) -> None:
         """A step begins here."""
         self.settled, self.begun = self.displacement, self.coupling.frames
 
-    def boundary(self) -> ContactBoundary:
-        """The contact points of this rank."""
-        return self.sides.boundary(self.coupling)
+    def _at(self, displacement: Array) -> SlidingCoupling:
+        """The map at a displacement of the nodes of both sides, shape (m, d)."""
+        sides, (on_slave, on_master) = self.sides, self._of_sides(displacement)
+        slave, master = sides.slave.surface.displaced(on_slave), sides.master.surface.displaced(on_master)
+        return slide(slave, master, self.points, sides.unable, self.reach, sides.held)
+
+    def _of_sides(self, values: Array) -> list[Array]:
+        """Values at the nodes of both sides, of each."""
+        return np.split(values, [self.sides.slave.nodes.size])
+
+    @cached_property
+    def mine(self) -> npt.NDArray[np.int64]:
+        """Which of the points this rank owns."""
+        return np.flatnonzero(self.sides.slave.owned(self.sides.space)[self.points])
 
     @property
-    def gap(self) -> Array:
-        """The distance of all points, where they see no other side the reach, length, shape (n,)."""
-        return np.where(self.coupling.frames.partnered, self.coupling.gap, self.sides.reach)
+    def local_points(self) -> Indices:
+        """Local numbers of the nodes of the points of this rank."""
+        return self.sides.local(self.points[self.mine])
+
+    @property
+    def across(self) -> Array:
+        """Projectors onto the directions across planes of symmetry at the points of all ranks, shape (n, d, d)."""
+        return np.asarray(self.sides.slave.surface.across[self.points])
+
+    @property
+    def _sliding(self) -> Array:
+        """Tangents without what they have across planes of symmetry, as nothing slides there, shape (n, d, d - 1)."""
+        tangents = self.coupling.frames.tangents
+        return np.asarray(tangents - np.einsum("nij,njk->nik", self.across, tangents))
+
+    def boundary(self) -> ContactBoundary:
+        """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
+        across it.
+        """
+        sides, coupling, mine, normal = self.sides, self.coupling, self.mine, self.coupling.normal[self.mine]
+        dim = normal.shape[1]
+        rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
+        normal_rows, tangent_rows = coupling.normal_rows[mine], coupling.tangent_rows[rows_of_tangents]
+        moved = beside(coupling.frames.slave, -coupling.frames.master)[mine]
+        inward = along_vectors(normal[:, :, None]), along_vectors(self._sliding[mine])
+        along = inward[0].T @ normal_rows + inward[1].T @ tangent_rows
+        averages = Averages(
+            moved, sides.nodes, sides.x, sides.fixed, coupling.centre[mine], between=sp.csr_array(along)
+        )
+        translation = np.tile(np.eye(dim), (len(sides.slave.nodes), 1))  # of the slave alone
+        pushing = np.asarray(normal_rows[:, : len(translation)] @ translation)
+        points = sides.points_at(
+            self.points[mine], averages, weight=coupling.weight[mine], normal=normal, pushing=pushing
+        )
+        partnered = coupling.frames.partnered
+        counted = partnered | ~partnered.any()
+        return replace(points, free=points.free & counted[mine, None])
+
+    def sliding_along(self, slip: Array) -> Array:
+        """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along,
+        at those of this rank, shape (n, d).
+        """
+        return np.asarray(np.einsum("ndk,nk->nd", self._sliding, slip))[self.mine]
 
     @property
     def slip(self) -> Array:
         """The slip of all points since the step has begun, length, shape (n, d - 1)."""
-        count, slave, master = self.sides.slave.nodes.size, self.sides.slave.surface.x, self.sides.master.surface.x
-        places = slave + self.settled[:count], master + self.settled[count:]
-        return self.coupling.slip(self.coupling.started(self.begun, *places))
+        return self.coupling.slip(self.begun, *self._of_sides(self.sides.x + self.settled))
 
     @property
     def alone(self) -> npt.NDArray[np.bool_]:
         """Which of the points of this rank do not see the other side, shape (n,)."""
-        return np.asarray(~self.coupling.frames.partnered[self.sides.mine])
+        return np.asarray(~self.coupling.frames.partnered[self.mine])
 
     @property
     def opening(self) -> Array:
         """The linearised gap of the points at the displacement, length, shape (n,)."""
         relative = self.coupling.normal_rows @ self.displacement.ravel()
-        return np.asarray(self.gap + relative)[self.sides.mine]
+        return np.asarray(self.coupling.gap + relative)[self.mine]
 
     @property
     def slip_origin(self) -> Array:
         """Where the slip of the points counts from, length, shape (n, d)."""
         slip = self.slip
-        along = (self.coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape)
-        return self.sides.sliding_along(self.coupling, along - slip)
+        return self.sliding_along((self.coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape) - slip)
 
     def stiffness(self, state: ContactState) -> JointStiffness:
         """What the tractions of a state add to the tangent, see ``SlidingCoupling``; collective."""
-        rows, sides = np.flatnonzero(state.boundary.part == self.sides.index), self.sides
+        rows, space = np.flatnonzero(state.boundary.part == self.sides.index), self.sides.space
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
-        along = np.einsum("ndk,nd->nk", self.coupling.frames.tangents, sides.at_points(shear))
-        return JointStiffness(sides.nodes, self.coupling.stiffness(sides.at_points(state.pressure[rows]), along))
+        owned = np.zeros((space.dofmap.index_map.size_local, 1 + shear.shape[1]))
+        owned[self.local_points] = np.column_stack((state.pressure[rows], shear))
+        tractions = from_owners(owned, self.sides.slave.nodes[self.points], space.mesh.comm)
+        along = np.einsum("ndk,nd->nk", self.coupling.frames.tangents, tractions[:, 1:])
+        return JointStiffness(self.sides.nodes, self.coupling.stiffness(tractions[:, 0], along))
 
     @property
     def parted(self) -> str:
@@ -650,7 +619,7 @@ class MovingPair:
         left = np.flatnonzero(self.begun.partnered)
         if self.coupling.frames.partnered.any() or not left.size:
             return ""
-        place = self.coupling.slave.x[self.sides.points[left[0]]]
+        place = self.coupling.slave.x[self.points[left[0]]]
         return f"contact[{self.sides.index}], at ({', '.join(f'{component:.4g}' for component in place)})"
 
     @property
@@ -664,11 +633,11 @@ class MovingPair:
             np.concatenate((_normals_of(frames.tangents)[:, :, None], self._tangents(frames)), axis=2)
             for frames in (self.coupling.frames, self.begun)
         )
-        return np.asarray(np.einsum("nik,njk->nij", frames, start))[self.sides.mine]
+        return np.asarray(np.einsum("nik,njk->nij", frames, start))[self.mine]
 
     def _tangents(self, frames: Frames) -> Array:
         """Those of frames in 3D, in a plane of symmetry along it and across it, shape (n, 3, 2)."""
-        tangents, planes = frames.tangents.copy(), self.sides.across
+        tangents, planes = frames.tangents.copy(), self.across
         held = np.flatnonzero(planes.any(axis=(1, 2)))
         normal, across = _normals_of(tangents[held]), np.linalg.eigh(planes[held])[1][:, :, -1]
         across -= np.sum(across * normal, axis=1, keepdims=True) * normal

@@ -73,14 +73,14 @@ class Frames:
 class SlidingCoupling:
     """The contact points of a pair of deformed sides, one for each of some nodes of the slave, n of them.
 
-    A point that sees no partner has the displacement of its node, and no gap that counts.
+    A point that sees no partner has the displacement of its node, and the reach for a gap.
 
     Attributes:
         slave, master: both sides as they are deformed.
         nodes: of the slave, shape (n,).
         weight: w_i, undeformed area, shape (n,).
         normal: n_i, from the slave to the master, of length one, shape (n, d).
-        gap: length, shape (n,); infinite without a partner.
+        gap: length, shape (n,).
         frames: of the points.
         normal_rows: - dgap_i, from displacements of the nodes of both sides, those of the slave first, sparse, shape
             (n, d m).
@@ -103,34 +103,19 @@ class SlidingCoupling:
     covered: float
     pieces: SlidingPieces | None = field(repr=False)
 
-    def slip(self, begun: Frames) -> Array:
-        """How far the points have slid since a step has begun, along T_i, length, shape (n, d - 1); of a point that had
-        no partner then with the functions that it has now, see ``started``.
-        """
-        return _way(self.frames.tangents, begun.slave @ self.slave.x - begun.master @ self.master.x) - begun.way
-
-    def started(self, begun: Frames, slave: Array, master: Array) -> Frames:
-        """The frames at the beginning of a step, and for points that had no partner then, those of now there.
+    def slip(self, begun: Frames, slave: Array, master: Array) -> Array:
+        """How far the points have slid since a step has begun, along T_i, length, shape (n, d - 1): of points that had
+        no partner then with the nodes that they meet now.
 
         Args:
-            begun: as they were.
-            slave: positions of the nodes of the slave at the beginning, shape (N, 2).
+            begun: the frames at the beginning.
+            slave: positions of the nodes of the slave then, shape (N, d).
             master: those of the master.
         """
-        if begun.partnered.all():
-            sharing, opposite = begun.slave, begun.master
-        else:
-            old, new = begun.partnered.astype(np.float64), (~begun.partnered).astype(np.float64)
-            sharing = scaled_rows(old, begun.slave) + scaled_rows(new, self.frames.slave)
-            opposite = scaled_rows(old, begun.master) + scaled_rows(new, self.frames.master)
-        met = begun.partnered[:, None]
-        return Frames(
-            sharing,
-            opposite,
-            np.where(met[..., None], begun.tangents, self.frames.tangents),
-            np.where(met, begun.way, _way(self.frames.tangents, sharing @ slave - opposite @ master)),
-            begun.partnered | self.frames.partnered,
-        )
+        met, frames = begun.partnered[:, None], self.frames
+        now = _way(frames.tangents, begun.slave @ self.slave.x - begun.master @ self.master.x)
+        at_beginning = _way(frames.tangents, frames.slave @ slave - frames.master @ master)
+        return np.where(met, now - begun.way, frames.way - at_beginning)
 
     def stiffness(self, pressure: Array, shear: Array) -> sp.csr_array:
         """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
@@ -217,7 +202,7 @@ def slide(
     components = (dim * points[unpaired])[:, None] + np.arange(dim)
     outward = normals[unpaired].ravel(), (np.repeat(unpaired, dim), components.ravel())
     normal_rows = sp.csr_array(outward, shape=(count, tangent_rows.shape[1]))
-    gap = np.full(count, np.inf)
+    gap = np.full(count, reach)
     pieces = None
     if at.size:
         inverse = np.asarray(1.0 / found.weight, dtype=np.float64)

@@ -51,10 +51,9 @@ class PairPoints:
     def of(cls, pair: PairedSides | MovingPair) -> PairPoints:
         """Those of a pair where it is now."""
         if isinstance(pair, PairedSides):
-            return cls(pair, pair.coupling.slave, pair.coupling.master, pair.across, kept=pair)
-        sides, frames = pair.sides, pair.coupling.frames
-        mine = sides.mine
-        return cls(sides, frames.slave[mine], frames.master[mine], sides.across[mine], moving=copy(pair))
+            return cls(pair.sides, pair.coupling.slave, pair.coupling.master, pair.across, kept=pair)
+        frames, mine = pair.coupling.frames, pair.mine
+        return cls(pair.sides, frames.slave[mine], frames.master[mine], pair.across[mine], moving=copy(pair))
 
     @property
     def displaced(self) -> bool:
@@ -67,10 +66,10 @@ class PairPoints:
         """
         if self.moving is None:
             return None
-        pair, sides = copy(self.moving), self.moving.sides
+        pair = copy(self.moving)
         pair.move(owned)
-        slip = sides.sliding_along(pair.coupling, pair.slip)
-        return np.where(pair.alone[:, None], 0.0, slip) - pair.gap[sides.mine][:, None] * normal
+        slip = np.where(pair.alone[:, None], 0.0, pair.sliding_along(pair.slip))
+        return slip - pair.coupling.gap[pair.mine][:, None] * normal
 
     def on_other_side(self, of_node: Numbers) -> Numbers:
         """Numbers that the owned nodes have, at the node of the other side that each point meets most, else -1, shape
@@ -97,28 +96,28 @@ class PairPoints:
 
     def error(self) -> float:
         """The largest error of the identities of the map, relative to one, to weights, or to the size of the sides."""
-        comm, ends = self.sides.space.mesh.comm, (self.sides.slave.surface.x, self.sides.master.surface.x)
-        dim, left, errors = ends[0].shape[1], None, []
+        sides, comm, dim, left, errors = self.sides, self.sides.space.mesh.comm, self.across.shape[2], None, []
         if self.kept is not None:
             coupling, operator = self.kept.coupling, self.kept.relative
-            weight, covered, x = coupling.weight, coupling.covered, np.concatenate(ends)
+            weight, covered, x = coupling.weight, coupling.covered, sides.x
             size, facing = _size_of(x), np.ones(weight.size, dtype=bool)
             balanced = facing
-            errors.append(_largest(self.slave @ ends[0] - self.master @ ends[1] + coupling.distance) / size)
+            apart = self.slave @ sides.slave.surface.x - self.master @ sides.master.surface.x
+            errors.append(_largest(apart + coupling.distance) / size)
             if self.kept.followed:
                 left = -rigid_modes(coupling.distance, np.zeros(dim), np.array(size)).transpose(2, 0, 1)[dim:]
                 left = left - np.einsum("nij,knj->kni", self.across, left)
         else:
             assert self.moving is not None
-            found, mine, sides = self.moving.coupling, self.moving.sides.mine, self.moving.sides
+            found, facing = self.moving.coupling, ~self.moving.alone
             if not found.frames.partnered.any():
                 return 0.0
-            facing, operator = found.frames.partnered[mine], sides.boundary(found).averages.operator
-            weight, covered = np.where(facing, found.weight[mine], 0.0), found.covered
+            operator = self.moving.boundary().averages.operator
+            weight, covered = np.where(facing, found.weight[self.moving.mine], 0.0), found.covered
             x = np.concatenate((found.slave.x, found.master.x))
             # A plane of symmetry that holds the direction of rays takes a moment, too.
             in_plane = np.zeros(x.shape, dtype=bool)
-            in_plane[: len(ends[0])] = sides.slave.surface.across.any(axis=(1, 2))[:, None]
+            in_plane[: len(found.slave.x)] = sides.slave.surface.across.any(axis=(1, 2))[:, None]
             balanced = facing & ~(abs(operator) @ in_plane.ravel()).reshape(-1, dim).any(axis=1)
         errors += [_largest(part.sum(axis=1)[facing] - 1.0) for part in (self.slave, self.master)]
         total = float(parallel.global_sum(comm, weight.sum()))
