@@ -1,10 +1,13 @@
 """The map of a pair of surfaces: identities that hold on any meshes, and sides that do not fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from surfaces import ELEMENTS, both, curve, nothing_held
 
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError, couple
+from signorini_fx.mechanics.pairs.pair_side import turned_normals
 
 PAIRS = [(2, a, b) for a in ELEMENTS[2] for b in ELEMENTS[2]] + [
     (3, "P1", "P1"),
@@ -98,3 +101,13 @@ def test_sides_that_do_not_fit():
     )
     with pytest.raises(PairingError, match="more than one sheet"):
         coupled(slave, twice)
+
+
+@pytest.mark.parametrize(("dim", "element"), [(dim, element) for dim, names in ELEMENTS.items() for element in names])
+def test_how_normals_turn(dim, element):
+    """As differences of the normals of sides that bend say."""
+    side = both(element, element, curved=True, counts=(4, 4), dimension=dim, bent=True)[0]
+    way = np.random.default_rng(0).standard_normal(side.x.shape)
+    after, before = (replace(side, x=side.x + step * way).nodal_normals for step in (1e-6, -1e-6))
+    turned = (turned_normals(side) @ way.ravel()).reshape(way.shape)
+    assert turned == pytest.approx((after - before) / 2e-6, abs=1e-6)

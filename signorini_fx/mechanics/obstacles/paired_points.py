@@ -116,7 +116,7 @@ def averaged_points(
         lumped_degree(surface.functions.degree, compat.geometry_degree(space.mesh))
     )
     at = np.broadcast_to(points, (numbers.size, *points.shape))
-    itself = Overlap(numbers, numbers, at, at, surface.sizes(numbers, at) * weights).measured(surface)
+    itself = Overlap(numbers, numbers, at, at, surface.sizes(numbers, at) * weights)
     tested = Tested.of(surface, itself, MPI.COMM_SELF, bonded=False)
     area = tested.areas(surface, MPI.COMM_SELF)
     mine = np.flatnonzero((area > 0) & side.owned(space))
@@ -140,22 +140,13 @@ def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> np
     return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1, initial=0.0) <= ROOT_OF_EPS)
 
 
-def mirrored(
-    slave: PairSurface,
-    master: PairSurface,
-    at_rest: tuple[tuple[Array, Flags], tuple[Array, Flags]],
-    on_axis: Flags | None = None,
-) -> Array:
+def mirrored(slave: PairSurface, master: PairSurface, *at_rest: tuple[Array, Flags]) -> Array:
     """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N, d, d).
 
-    Supports hold both bodies across such a plane, and the half that is not modelled is the mirror image of the other.
-    The function of a point on the plane is even across it, the relative displacement across the plane is odd: their
-    product integrates to zero, but not over one half.  So there such a point has no relative displacement across the
-    plane, and no traction.  Its normal, the mean of those on both halves, is in the plane.
-
-    A plane beyond which a side goes on is none of symmetry, whatever supports hold there.  On an axis of revolution the
-    normal is along the axis, also at the tip of a cone.  Where one body alone is held, or is moved by its support, the
-    point keeps all components.
+    Supports hold both bodies across such a plane, beyond which no side goes on; it may be an axis of revolution.
+    The function of a point on it is even across it, the relative displacement across it is odd: their product
+    integrates to zero, but not over one half.  So there such a point has no relative displacement across the plane, and
+    no traction, and its normal, the mean of those on both halves, is in the plane.
     (Multipliers where Dirichlet conditions meet a mortar interface: Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012;
     Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629.)
 
@@ -164,36 +155,32 @@ def mirrored(
         master: the other side.
         at_rest: of both sides a frame at each node, one direction per column, shape (N, d, d), and along which of them
             supports hold it where it is, shape (N, d).
-        on_axis: nodes of the slave on the axis x[0] = 0 of a body of revolution, shape (N,); None: there is no axis.
     """
     (frames, held), (axes, master_held) = at_rest
-    slave_projectors = np.zeros_like(frames)
-    on_slave, on_master = np.unique(slave.points), np.unique(master.nodes)
-    nodes, columns = np.nonzero(held[on_slave])
-    nodes = on_slave[nodes]
+    projectors, ends = np.zeros_like(frames), [side.x[np.unique(side.nodes)] for side in (slave, master)]
+    nodes, columns = np.nonzero(held & slave.nodal_normals.any(axis=1)[:, None])
     across = frames[nodes, :, columns]
     along_side = np.abs(np.einsum("ni,ni->n", slave.nodal_normals[nodes], across)) <= ASKEW_NORMAL
-    if on_axis is not None:
-        along_side |= on_axis[nodes] & (np.abs(across[:, 1:]).max(axis=1) <= ROOT_OF_EPS)
+    if slave.measure is not None:  # the normal is along the axis also at the tip of a cone
+        on_axis = slave.measure[nodes] <= SAME_NUMBER * slave.measure.max()
+        along_side |= on_axis & (np.abs(across[:, 1:]).max(axis=1) <= ROOT_OF_EPS)
     nodes, across = nodes[along_side], across[along_side]
     if not nodes.size or not master_held.any():
-        return slave_projectors
+        return projectors
     size = max(float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max()) for side in (slave, master))
-    within, reach = DIGITS_OF_FILES * size, size + cKDTree(master.x[on_master]).query(slave.x[nodes])[0]
+    within, reach = DIGITS_OF_FILES * size, size + cKDTree(ends[1]).query(slave.x[nodes])[0]
     _, first, direction = np.unique(np.round(across, 9), axis=0, return_index=True, return_inverse=True)
-    for number, normal in enumerate(across[first]):
-        along = np.einsum("nik,i->nk", axes, normal)
+    for number, outward in enumerate(across[first]):
+        along = np.einsum("nik,i->nk", axes, outward)
         held_across = np.linalg.norm(np.where(master_held, 0.0, along), axis=1) < DIGITS_OF_FILES
-        heights = slave.x @ normal, master.x @ normal
-        ends = np.zeros(nodes.size, dtype=bool)
-        for height, opposite in (heights, tuple(-values for values in heights)):  # both sides ahead, and both behind
-            plane = height[on_slave].min() + within
-            partners = np.flatnonzero(held_across & (opposite <= plane))
-            if partners.size and opposite[on_master].min() >= plane - 2 * within:
-                ends |= (height[nodes] <= plane) & (cKDTree(master.x[partners]).query(slave.x[nodes])[0] <= reach)
-        ends &= direction.ravel() == number
-        np.add.at(slave_projectors, nodes[ends], np.outer(normal, normal))
-    return slave_projectors
+        for normal in (outward, -outward):  # both sides ahead, and both behind
+            plane = (ends[0] @ normal).min() + within
+            partners = np.flatnonzero(held_across & (master.x @ normal <= plane))
+            if partners.size and (ends[1] @ normal).min() >= plane - 2 * within:
+                near = cKDTree(master.x[partners]).query(slave.x[nodes])[0] <= reach
+                found = nodes[near & (slave.x[nodes] @ normal <= plane) & (direction.ravel() == number)]
+                projectors[found] += np.outer(normal, normal)
+    return projectors
 
 
 @dataclass(frozen=True)
@@ -269,16 +256,11 @@ class FacingSides:
 
         (frames, entries), (axes, reached) = told(slave), told(master)
         rests = (frames, entries[:, dim:-1]), (axes, reached[:, dim:-1])
-        measures = [side.measured(space, factor).measure for side in (slave, master)]
-        slave = replace(slave, surface=replace(slave.surface, measure=measures[0]))
-        on_axis = [None if measure is None else measure <= SAME_NUMBER * measure.max() for measure in measures]
-        across = (
-            mirrored(slave.surface, master.surface, rests, on_axis[0]),
-            mirrored(master.surface, slave.surface, (rests[1], rests[0]), on_axis[1]),
-        )
+        surfaces = [side.measured(space, factor) for side in (slave, master)]
+        across = mirrored(*surfaces, *rests), mirrored(*surfaces[::-1], *rests[::-1])
         slave, master = (
-            replace(side, surface=replace(side.surface, across=planes))
-            for side, planes in zip((slave, master), across, strict=True)
+            replace(side, surface=replace(surface, across=planes))
+            for side, surface, planes in zip((slave, master), surfaces, across, strict=True)
         )
         normals = slave.surface.directions
         supported = held_along(normals, frames, entries[:, :dim]) & normals.any(axis=1)

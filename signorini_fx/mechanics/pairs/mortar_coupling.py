@@ -86,14 +86,10 @@ class Coupling:
         one, but for hats.  Sparse, shape (nodes of the slave, n).
         """
         # A test function meets the function of its own node, on quadratic triangles the hat, and no other one.
-        count = len(slave.tests.places)
-        values = slave.tests.values(slave.functions.places)
-        rows, columns = (np.repeat(slave.nodes, count, axis=1), np.tile(slave.points, (1, slave.nodes.shape[1])))
-        shape = (len(slave.x), len(slave.x))
-        entries = np.tile(values.ravel(), len(slave.nodes)), (rows.ravel(), columns.ravel())
-        met = sp.csr_array(entries, shape=shape)
-        met.data /= np.asarray(sp.csr_array((np.ones(rows.size), entries[1]), shape=shape).data)
-        points = sp.csr_array(met[:, self.nodes])
+        values, met = slave.tests.values(slave.functions.places), sp.lil_array((len(slave.x), len(slave.x)))
+        rows, columns = np.repeat(slave.nodes, values.shape[1], axis=1), np.tile(slave.points, len(values))
+        met[rows, columns] = np.broadcast_to(values.ravel(), rows.shape)
+        points = sp.csr_array(met.tocsc()[:, self.nodes])
         diagonal = np.asarray((self.slave @ points).diagonal())
         return sp.csr_array(points @ sp.diags_array(1.0 / diagonal))
 
@@ -268,7 +264,9 @@ def coupled(
         turning_of(sp.csr_array(shares @ _over_ranks(comm, matrix)), side.x, part * distance)
         for matrix, side, part in zip(tested.arms(slave, master), sides, (half, 1.0 - half), strict=True)
     ]
-    normal = normals_of_points(sides, nodes, (to_slave, to_master), nominal=nominal)
+    normal = slave.nodal_normals[nodes]
+    if not nominal:
+        normal = slave.in_planes(to_slave @ slave.directions - to_master @ master.directions, nodes)
     centre, covered = to_slave @ slave.x + half * distance, float(tested.area.sum())
     return Coupling(nodes, weight, normal, distance, to_slave, to_master, beside(*turnings), centre, covered, covered)
 
@@ -280,23 +278,6 @@ def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
     part = matrix.tocoo()
     at = parallel.gather_rows(comm, np.column_stack((part.row, part.col)))
     return sp.csr_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape)
-
-
-def normals_of_points(
-    sides: tuple[PairSurface, PairSurface], nodes: Indices, shares: tuple[sp.csr_array, sp.csr_array], *, nominal: bool
-) -> Array:
-    """Mean normals of both sides at the points, of length one, shape (n, d).
-
-    Args:
-        sides: slave and master.
-        nodes: of the points, shape (n,).
-        shares: D and M.
-        nominal: see ``couple``: then they are those of the slave.
-    """
-    slave, master = sides
-    if nominal:
-        return np.asarray(slave.nodal_normals[nodes])
-    return slave.in_planes(shares[0] @ slave.directions - shares[1] @ master.directions, nodes)
 
 
 def _refuse_bare(slave: PairSurface, tested: Tested, shares: sp.csr_array) -> None:
@@ -347,7 +328,7 @@ def projected(
         project, turned = space_overlap, turned_in_space
 
     def found(directions: Array | None) -> Tested:
-        overlap = project(slave, master, reach, facets, directions).measured(slave).within(reach, slave, master)
+        overlap = project(slave, master, reach, facets, directions).within(reach, slave, master)
         return Tested.of(slave, overlap, comm, bonded=bonded)
 
     tested = found(None)

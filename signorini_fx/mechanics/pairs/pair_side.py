@@ -179,9 +179,14 @@ class PairSurface:
         return self._crossed(self.corners, facets, at) * self.sign[facets][:, None, None]
 
     def sizes(self, facets: Indices, at: Array) -> Array:
-        """Undeformed area (in 2D: length) of a unit of the reference facet, shape (m, q), see ``normals``."""
+        """Undeformed area (in 2D: length) of a unit of the reference facet times the measure, shape (m, q), see
+        ``normals``.
+        """
         corners = self.corners if self.undeformed is None else self.undeformed[self.nodes]
-        return np.asarray(np.linalg.norm(self._crossed(corners, facets, at), axis=2))
+        sizes = np.linalg.norm(self._crossed(corners, facets, at), axis=2)
+        if self.measure is not None:
+            sizes *= np.einsum("mqk,mk->mq", self.functions.values(at), self.measure[self.nodes[facets]])
+        return np.asarray(sizes)
 
     def _crossed(self, corners: Array, facets: Indices, at: Array) -> Array:
         """Normals up to their signs, of facets with these corners, see ``normals``."""
@@ -194,12 +199,6 @@ class PairSurface:
         """Positions of points of each facet, length, shapes as in ``normals``."""
         return np.asarray(self.functions.values(at) @ self.corners[facets])
 
-    def measured(self, facets: Indices, at: Array, weight: Array) -> Array:
-        """Areas of points of some facets times the measure there, shape (m, q); see ``normals``."""
-        if self.measure is None:
-            return weight
-        return np.asarray(np.einsum("mqk,mk->mq", self.functions.values(at), self.measure[self.nodes[facets]]) * weight)
-
     @cached_property
     def _integrals(self) -> tuple[Array, Array, Array]:
         """Of test functions times the measure, of test functions times the normal, shapes (N,) and (N, d), and of the
@@ -211,7 +210,7 @@ class PairSurface:
         normals = self.normals(facets, at)
         tests = self.tests.values(points) * weights[:, None]
         area, moment = np.zeros(len(self.x)), np.zeros(self.x.shape)
-        sizes = self.measured(facets, at, self.sizes(facets, at))
+        sizes = self.sizes(facets, at)
         np.add.at(area, self.points, np.einsum("qt,mq->mt", tests, sizes))
         np.add.at(moment, self.points, np.einsum("qt,mqd->mtd", tests, normals))
         return area, moment, sizes @ weights
@@ -239,7 +238,12 @@ class PairSurface:
         """Outward unit normals at the nodes with test functions, means of those around them, with their mirror images
         where a plane of symmetry cuts the surface, shape (N, d); zero elsewhere.
         """
-        return self.in_planes(self._integrals[1], np.arange(len(self.x)))
+        return self.in_planes(self.moments, np.arange(len(self.x)))
+
+    @property
+    def moments(self) -> Array:
+        """The integrals of the outward normal times the test function of each node, shape (N, d)."""
+        return self._integrals[1]
 
     def in_planes(self, vectors: Array, nodes: Indices) -> Array:
         """Vectors at some nodes, shape (m, d), without what they have across planes of symmetry, and of length one;
@@ -287,10 +291,6 @@ class Overlap:
     def distance(self, slave: PairSurface, master: PairSurface) -> Array:
         """From each slave point to the master point over it, length, shape (p, q, d)."""
         return master.positions(self.master, self.over) - slave.positions(self.slave, self.at)
-
-    def measured(self, slave: PairSurface) -> Overlap:
-        """With areas times the measure of the slave."""
-        return replace(self, weight=slave.measured(self.slave, self.at, self.weight))
 
     def within(self, reach: float, slave: PairSurface, master: PairSurface) -> Overlap:
         """The pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""
@@ -369,34 +369,25 @@ def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
 
 
 def turned_normals(side: PairSurface) -> sp.csr_array:
-    """How displacements of the nodes of a side turn its normals at the nodes, sparse, shape (d N, d N).
-
-    The normal of a node is along the integral of that of the facets times its function, without what it has across
-    planes of symmetry.
-    """
+    """How displacements of the nodes of a side turn ``nodal_normals``, sparse, shape (d N, d N)."""
     functions, (count, dim) = side.functions, side.x.shape
     at, weights = functions.rule(2 * functions.degree + 2)
-    values, slopes = functions.values(at) * weights[:, None], functions.slopes(at)
-    along = np.einsum("aqk,fkd->afqd", slopes, side.corners)
-    if dim == 2:
-        normal = np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
-        turning = np.multiply.outer(values.T @ slopes[0], [[0.0, 1.0], [-1.0, 0.0]])
-        turning = side.sign[:, None, None, None, None] * turning
-    else:
-        normal = np.cross(along[0], along[1])
-        arms = slopes[1][None, :, :, None] * along[0][:, :, None] - slopes[0][None, :, :, None] * along[1][:, :, None]
-        vectors = np.einsum("qk,fqld->fkld", values, arms, optimize=True) * side.sign[:, None, None, None]
-        turning = _crossing(vectors.reshape(-1, 3)).reshape(*vectors.shape, 3)
-    rows = dim * side.nodes[:, :, None, None, None] + np.arange(dim)[:, None]
+    tests, slopes = side.tests.values(at) * weights[:, None], functions.slopes(at)
+    along = slopes[:, None] @ side.corners
+    if dim == 2:  # a surface along the third axis
+        upright = np.broadcast_to([0.0, 0.0, 1.0], (*along.shape[:-1], 3))
+        along = np.concatenate((np.pad(along, [(0, 0)] * 3 + [(0, 1)]), upright))
+        slopes = np.concatenate((slopes, np.zeros_like(slopes)))
+    arms = slopes[1][None, :, :, None] * along[0][:, :, None] - slopes[0][None, :, :, None] * along[1][:, :, None]
+    vectors = np.einsum("qt,fqld->ftld", tests, arms, optimize=True) * side.sign[:, None, None, None]
+    turning = _crossing(vectors.reshape(-1, 3)).reshape(*vectors.shape, 3)[..., :dim, :dim]
+    rows = dim * side.points[:, :, None, None, None] + np.arange(dim)[:, None]
     columns = dim * side.nodes[:, None, :, None, None] + np.arange(dim)
     places = tuple(np.broadcast_to(numbers, turning.shape).ravel() for numbers in (rows, columns))
     moments = sp.csr_array((turning.ravel(), places), shape=(dim * count, dim * count))
-    sums = np.zeros((count, dim))
-    np.add.at(sums, side.nodes, np.einsum("qk,fqd->fkd", values, normal * side.sign[:, None, None]))
-    within = np.eye(dim) - side.across
-    size = np.linalg.norm(np.einsum("nij,nj->ni", within, sums), axis=1)
+    within, normals = np.eye(dim) - side.across, side.nodal_normals
+    size = np.linalg.norm(np.einsum("nij,nj->ni", within, side.moments), axis=1)
     inverse = np.divide(1.0, size, out=np.zeros(count), where=size > 0)
-    normals = side.nodal_normals
     across = inverse[:, None, None] * (within - np.einsum("ni,nj->nij", normals, normals))
     return sp.csr_array(of_blocks(across) @ moments)
 
