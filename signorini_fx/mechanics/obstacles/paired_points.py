@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from dolfinx import fem
-from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.errors import FormError
@@ -117,10 +116,10 @@ def averaged_points(
     )
     at = np.broadcast_to(points, (numbers.size, *points.shape))
     itself = Overlap(numbers, numbers, at, at, surface.sizes(numbers, at) * weights)
-    tested = Tested.of(surface, itself, MPI.COMM_SELF, bonded=False)
-    area = tested.areas(surface, MPI.COMM_SELF)
+    tested = Tested.of(surface, surface, itself, bonded=False)
+    area = tested.areas
     mine = np.flatnonzero((area > 0) & side.owned(space))
-    shares = sp.csr_array(sp.diags_array(1.0 / area[mine]) @ tested.products(surface, surface)[0][mine])
+    shares = sp.csr_array(sp.diags_array(1.0 / area[mine]) @ tested.products[0][mine])
     reached = np.unique(shares.indices)
     held = from_owners(fixed.reshape(-1, dim).astype(np.float64), side.nodes[reached], comm) > 0
     averages = Averages(shares[:, reached], side.nodes[reached], surface.x[reached], held)

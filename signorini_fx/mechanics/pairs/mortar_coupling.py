@@ -23,6 +23,7 @@ rotation that of the master, omega_i(u_m) x d_i: with D = 1 a ring of facets tur
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -106,72 +107,76 @@ def closed_within(gap: Array, limit: float | None) -> Array:
 
 @dataclass(frozen=True)
 class Tested:
-    """An overlap, as far as this rank has found it, with the functions of the points.
+    """The overlap of two sides with the functions of the points.
 
     Attributes:
-        overlap: the overlap.
-        area: of each facet of the slave that is covered, of all ranks, shape (f,).
-        weighted: the functions times areas at its points, shape (p, q, t).
-        hats: whether the functions are hats.
+        slave: the side with the points.
+        master: the other one.
+        overlap: of both.
         coefficients: of the functions on each facet of the slave, shape (f, t, t).
     """
 
+    slave: PairSurface
+    master: PairSurface
     overlap: Overlap
-    area: Array
-    weighted: Array
-    hats: bool
     coefficients: Array
 
     @classmethod
-    def of(cls, slave: PairSurface, overlap: Overlap, comm: MPI.Comm, *, bonded: bool) -> Tested:
-        """With the functions on what is covered; collective."""
-        local_area = np.bincount(overlap.slave, overlap.weight.sum(axis=1), minlength=len(slave.nodes))
-        area: Array = parallel.global_sum(comm, local_area.astype(np.float64))
-        uses_hats = bonded and len(slave.tests.places) < len(slave.functions.places)
+    def of(cls, slave: PairSurface, master: PairSurface, overlap: Overlap, *, bonded: bool) -> Tested:
+        """With the functions on what is covered; ``bonded``: see ``couple``."""
         hats = np.tile(np.eye(len(slave.tests.places)), (len(slave.nodes), 1, 1))
-        coefficients = hats if uses_hats else dual_coefficients(slave, overlap)
-        psi = np.einsum("pij,pqj->pqi", coefficients[overlap.slave], slave.tests.values(overlap.at))
-        return cls(overlap, area, psi * overlap.weight[..., None], uses_hats, coefficients)
+        uses_hats = bonded and len(slave.tests.places) < len(slave.functions.places)
+        return cls(slave, master, overlap, hats if uses_hats else dual_coefficients(slave, overlap))
 
-    def moving(self, slave: PairSurface, master: PairSurface, held: HeldSides, comm: MPI.Comm) -> Tested:
-        """Where one side can move, see ``HeldSides``; collective."""
-        still = held.still(slave.nodes[self.overlap.slave], master.nodes[self.overlap.master])
-        if not parallel.any_rank(comm, bool(still.any())):
-            return self
-        return Tested.of(slave, self.overlap.chosen(~still), comm, bonded=self.hats)
+    def moving(self, held: HeldSides, *, bonded: bool) -> Tested:
+        """Where one side can move, see ``HeldSides``."""
+        still = held.still(self.slave.nodes[self.overlap.slave], self.master.nodes[self.overlap.master])
+        return Tested.of(self.slave, self.master, self.overlap.chosen(~still), bonded=bonded) if still.any() else self
 
     def without(self, facets: npt.NDArray[np.bool_]) -> Tested:
         """The same without some facets of the slave, shape (f,)."""
-        if not facets.any():
-            return self
-        pieces = ~facets[self.overlap.slave]
-        area = np.where(facets, 0.0, self.area)
-        return Tested(self.overlap.chosen(pieces), area, self.weighted[pieces], self.hats, self.coefficients)
+        return replace(self, overlap=self.overlap.chosen(~facets[self.overlap.slave]))
 
-    def areas(self, slave: PairSurface, comm: MPI.Comm) -> Array:
-        """Integrals of the functions of the nodes of the slave, shape (N,); collective."""
-        return self.moments(slave, np.ones((*self.weighted.shape[:2], 1)), comm)[:, 0]
+    @cached_property
+    def area(self) -> Array:
+        """Of each facet of the slave that is covered, shape (f,)."""
+        areas = self.overlap.weight.sum(axis=1)
+        return np.bincount(self.overlap.slave, areas, minlength=len(self.slave.nodes)).astype(np.float64)
 
-    def products(self, slave: PairSurface, master: PairSurface) -> list[sp.csr_array]:
-        """Integrals of the functions of the nodes of the slave times those of both sides, as far as this rank has found
-        them, sparse, shapes (N, N) and (N, M).
+    @cached_property
+    def weighted(self) -> Array:
+        """The functions times areas at the points of the overlap, shape (p, q, t)."""
+        overlap, tests = self.overlap, self.slave.tests.values(self.overlap.at)
+        psi = np.einsum("pij,pqj->pqi", self.coefficients[overlap.slave], tests)
+        return np.asarray(psi * overlap.weight[..., None])
+
+    @cached_property
+    def areas(self) -> Array:
+        """Integrals of the functions of the nodes of the slave, shape (N,)."""
+        return self.moments(np.ones((*self.weighted.shape[:2], 1)))[:, 0]
+
+    @cached_property
+    def products(self) -> list[sp.csr_array]:
+        """Integrals of the functions of the nodes of the slave times those of both sides, sparse, shapes (N, N) and
+        (N, M).
         """
-        shapes = slave.functions.values(self.overlap.at), master.functions.values(self.overlap.over)
-        return self._sums(slave, master, [np.einsum("pqi,pqj->pij", self.weighted, shape) for shape in shapes])
+        shapes = self.slave.functions.values(self.overlap.at), self.master.functions.values(self.overlap.over)
+        return self._sums([np.einsum("pqi,pqj->pij", self.weighted, shape) for shape in shapes])
 
-    def arms(self, slave: PairSurface, master: PairSurface) -> list[sp.csr_array]:
+    @property
+    def arms(self) -> list[sp.csr_array]:
         """The areas over which the functions see the nodes of both sides, likewise."""
-        areas, rows = self.overlap.weight.sum(axis=1)[:, None, None], slave.points.shape[1]
-        shapes = [(len(areas), rows, side.nodes.shape[1]) for side in (slave, master)]
-        return self._sums(slave, master, [np.broadcast_to(areas, shape) for shape in shapes])
+        areas, rows = self.overlap.weight.sum(axis=1)[:, None, None], self.slave.points.shape[1]
+        shapes = [(len(areas), rows, side.nodes.shape[1]) for side in (self.slave, self.master)]
+        return self._sums([np.broadcast_to(areas, shape) for shape in shapes])
 
-    def _sums(self, slave: PairSurface, master: PairSurface, values: list[Array]) -> list[sp.csr_array]:
+    def _sums(self, values: list[Array]) -> list[sp.csr_array]:
         """Values of each piece for the functions there and the nodes of both sides, added up."""
-        points, sums = slave.points[self.overlap.slave], []
-        for side, facets, of_side in ((slave, self.overlap.slave, values[0]), (master, self.overlap.master, values[1])):
-            numbers = points[:, :, None], side.nodes[facets][:, None]
-            places = tuple(np.broadcast_to(at, of_side.shape).ravel() for at in numbers)
-            sums.append(sp.csr_array((of_side.ravel(), places), shape=(len(slave.x), len(side.x))))
+        sums, facets = [], (self.overlap.slave, self.overlap.master)
+        for side, numbers, of_side in zip((self.slave, self.master), facets, values, strict=True):
+            both = self.slave.points[self.overlap.slave][:, :, None], side.nodes[numbers][:, None]
+            places = tuple(np.broadcast_to(at, of_side.shape).ravel() for at in both)
+            sums.append(sp.csr_array((of_side.ravel(), places), shape=(len(self.slave.x), len(side.x))))
         return sums
 
     @property
@@ -179,11 +184,12 @@ class Tested:
         """The facets of the slave that meet the other side."""
         return np.flatnonzero(self.area)
 
-    def moments(self, slave: PairSurface, values: Array, comm: MPI.Comm) -> Array:
-        """Integrals of functions times values at the points, shape (p, q, k), by nodes, shape (N, k); collective."""
-        integrals = np.zeros((len(slave.x), values.shape[2]))
-        np.add.at(integrals, slave.points[self.overlap.slave], np.einsum("pqi,pqk->pik", self.weighted, values))
-        return parallel.global_sum(comm, integrals)
+    def moments(self, values: Array) -> Array:
+        """Integrals of functions times values at the points, shape (p, q, k), by nodes, shape (N, k)."""
+        integrals = np.zeros((len(self.slave.x), values.shape[2]))
+        moments = np.einsum("pqi,pqk->pik", self.weighted, values)
+        np.add.at(integrals, self.slave.points[self.overlap.slave], moments)
+        return integrals
 
 
 def couple(
@@ -219,19 +225,18 @@ def couple(
     if reach is None:
         reach = default_reach(*used)
     whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
-    tested = whole.moving(slave, master, held, comm)
-    sums = [_over_ranks(comm, matrix) for matrix in tested.products(slave, master)]
-    fixed = constrained(held.movable(sums[1]))
-    nodes, shares = carried(slave, tested.covered, tested.areas(slave, comm), unable | fixed)
+    tested = whole.moving(held, bonded=bonded)
+    fixed = constrained(held.movable(tested.products[1]))
+    nodes, shares = carried(slave, tested.covered, tested.areas, unable | fixed)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     # Facets apart from all points, of which all nodes are constrained: nobody takes over their functions.
     carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
     tested = tested.without(np.asarray((fixed & ~carried_nodes)[slave.points].all(axis=1)))
-    _refuse_bare(slave, tested, shares)
+    _refuse_bare(tested, shares)
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
-    coupling = coupled((slave, master), tested, sums, nodes, shares, comm, nominal=nominal)
+    coupling = coupled(tested, nodes, shares, nominal=nominal)
     size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
         raise PairingError(
@@ -241,28 +246,17 @@ def couple(
     return replace(coupling, met=float(whole.area.sum()))
 
 
-def coupled(
-    sides: tuple[PairSurface, PairSurface],
-    tested: Tested,
-    sums: list[sp.csr_array],
-    nodes: Indices,
-    shares: sp.csr_array,
-    comm: MPI.Comm = MPI.COMM_SELF,
-    *,
-    nominal: bool = False,
-) -> Coupling:
-    """The map of both sides, slave first, at nodes that take over such shares of functions; ``sums``: the products of
-    all ranks; collective.
-    """
-    slave, master = sides
-    weight = shares @ tested.areas(slave, comm)
-    distance = shares @ tested.moments(slave, tested.overlap.distance(slave, master), comm) / weight[:, None]
+def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bool = False) -> Coupling:
+    """The map of both sides at nodes that take over such shares of functions."""
+    slave, master = tested.slave, tested.master
+    weight = shares @ tested.areas
+    distance = shares @ tested.moments(tested.overlap.distance(slave, master)) / weight[:, None]
     mean = sp.diags_array(1.0 / weight) @ shares
-    to_slave, to_master = (without_round_off(sp.csr_array(mean @ matrix)) for matrix in sums)
+    to_slave, to_master = (without_round_off(sp.csr_array(mean @ matrix)) for matrix in tested.products)
     half = 0.0 if nominal else 0.5
     turnings = [
-        turning_of(sp.csr_array(shares @ _over_ranks(comm, matrix)), side.x, part * distance)
-        for matrix, side, part in zip(tested.arms(slave, master), sides, (half, 1.0 - half), strict=True)
+        turning_of(sp.csr_array(shares @ matrix), side.x, part * distance)
+        for matrix, side, part in zip(tested.arms, (slave, master), (half, 1.0 - half), strict=True)
     ]
     normal = slave.nodal_normals[nodes]
     if not nominal:
@@ -271,18 +265,9 @@ def coupled(
     return Coupling(nodes, weight, normal, distance, to_slave, to_master, beside(*turnings), centre, covered, covered)
 
 
-def _over_ranks(comm: MPI.Comm, matrix: sp.csr_array) -> sp.csr_array:
-    """The sum of the matrices of all ranks, on every rank."""
-    if comm.size == 1:
-        return matrix
-    part = matrix.tocoo()
-    at = parallel.gather_rows(comm, np.column_stack((part.row, part.col)))
-    return sp.csr_array((parallel.gather_rows(comm, part.data), tuple(at.T)), shape=matrix.shape)
-
-
-def _refuse_bare(slave: PairSurface, tested: Tested, shares: sp.csr_array) -> None:
+def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:
     """Refuse facets that nobody carries: no point has any of their functions."""
-    carried_nodes = np.asarray(abs(shares).sum(axis=0)).ravel() > 0.0
+    slave, carried_nodes = tested.slave, np.asarray(abs(shares).sum(axis=0)).ravel() > 0.0
     area = np.where(carried_nodes[slave.points].any(axis=1), 0.0, tested.area)
     bare = np.flatnonzero(area)
     if area.sum() <= CERTIFICATE_TOLERANCE * tested.area.sum():  # slivers
@@ -328,34 +313,32 @@ def projected(
         project, turned = space_overlap, turned_in_space
 
     def found(directions: Array | None) -> Tested:
-        overlap = project(slave, master, reach, facets, directions).within(reach, slave, master)
-        return Tested.of(slave, overlap, comm, bonded=bonded)
+        overlap = project(slave, master, reach, facets, directions, comm).over_ranks(comm)
+        return Tested.of(slave, master, overlap.within(reach, slave, master), bonded=bonded)
 
     tested = found(None)
     if apart and not tested.area.any():
         return tested, slave.nodal_normals
     _check(slave, master, tested.area, reach)
-    directions = None if nominal else _mean_normals(slave, master, tested, comm)
+    directions = None if nominal else _mean_normals(tested)
     if directions is not None and turned(slave, directions) > SAME_NUMBER:
         tested = found(directions)
         _check(slave, master, tested.area, reach)
     return tested, directions
 
 
-def _mean_normals(slave: PairSurface, master: PairSurface, tested: Tested, comm: MPI.Comm) -> Array:
-    """N_i of the nodes of the slave, as if each could carry a point, shape (N, d); collective.
+def _mean_normals(tested: Tested) -> Array:
+    """N_i of the nodes of the slave, as if each could carry a point, shape (N, d).
 
     Where a node has no point, the normal of the master is the mean of those beside it.
     """
-    overlap = tested.overlap
-    ones = np.ones((*overlap.weight.shape, 1))
+    slave, master, overlap = tested.slave, tested.master, tested.overlap
     slave_normals = slave.functions.values(overlap.at) @ slave.directions[slave.nodes[overlap.slave]]
     master_normals = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]
-    moments = tested.moments(slave, np.concatenate((ones, slave_normals, master_normals), axis=2), comm)
+    moments = tested.moments(np.concatenate((slave_normals, master_normals), axis=2))
     dim, unable = slave.dimension, np.zeros(len(slave.x), dtype=bool)
-    nodes, shares = carried(slave, tested.covered, moments[:, 0], unable)
-    means = shares @ moments
-    means = means[:, 1:] / means[:, :1]
+    nodes, shares = carried(slave, tested.covered, tested.areas, unable)
+    means = shares @ moments / (shares @ tested.areas)[:, None]
     directions = slave.nodal_normals - extended(slave, nodes, means[:, dim:])
     directions[nodes] = means[:, :dim] - means[:, dim:]
     return slave.in_planes(directions, np.arange(len(directions)))

@@ -17,7 +17,9 @@ from dataclasses import dataclass
 import basix
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
 from signorini_fx.mechanics.pairs.search import Patches, candidates
 from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT, SAME_LENGTH, SAME_NUMBER, ZERO_COMPONENT
@@ -65,9 +67,9 @@ class Parts:
 
 
 def space_overlap(
-    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None = None
+    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
-    """The overlap, some triangles for each pair of parts that meet.
+    """The overlap, some triangles for each pair of parts that meet; collective.
 
     Args:
         slave: the side with the points, d = 3.
@@ -76,6 +78,7 @@ def space_overlap(
         facets: the facets of the slave that are paired, shape (m,).
         directions: of projection at the nodes of the slave with test functions, shape (N, 3); None: the normals of the
             parts of the slave.
+        comm: the ranks, which have quadrature of one degree.
     """
     slave_parts, master_parts = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
     along, turning = slave_parts.patches.normal, np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64)
@@ -99,7 +102,7 @@ def space_overlap(
         (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers]),
         curved=curved,
     )
-    points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
+    points, weights = basix.make_quadrature(basix.CellType.triangle, int(parallel.global_max(comm, degree)))
     first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
     area = np.abs(_cross(first, second))[:, None] * weights
@@ -258,7 +261,7 @@ def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple
 
 
 def plane_overlap(
-    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None = None
+    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
     """The overlap, one piece for each pair of facets that meet; for the arguments see ``space_overlap``, d = 2.
 

@@ -8,7 +8,7 @@ in [0, 1]^2, in any order: what the functions are follows from the places.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from itertools import product
 from typing import Any
@@ -17,7 +17,9 @@ import basix
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
+from mpi4py import MPI
 
+from signorini_fx.machine import parallel
 from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
@@ -291,6 +293,10 @@ class Overlap:
     def distance(self, slave: PairSurface, master: PairSurface) -> Array:
         """From each slave point to the master point over it, length, shape (p, q, d)."""
         return master.positions(self.master, self.over) - slave.positions(self.slave, self.at)
+
+    def over_ranks(self, comm: MPI.Comm) -> Overlap:
+        """Those of all ranks; collective."""
+        return Overlap(*(parallel.gather_rows(comm, getattr(self, entry.name)) for entry in fields(self)))
 
     def within(self, reach: float, slave: PairSurface, master: PairSurface) -> Overlap:
         """The pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""

@@ -31,7 +31,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from mpi4py import MPI
 
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
@@ -177,10 +176,9 @@ def slide(
     """
     whole, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
-    tested = whole.moving(slave, master, held, MPI.COMM_SELF)
-    weight, sums = tested.areas(slave, MPI.COMM_SELF), tested.products(slave, master)
-    nodes, shares = carried_evenly(slave, tested.covered, weight, unable, held.movable(sums[1]))
-    found = coupled((slave, master), tested, sums, nodes, shares)
+    tested = whole.moving(held, bonded=False)
+    nodes, shares = carried_evenly(slave, tested.covered, tested.areas, unable, held.movable(tested.products[1]))
+    found = coupled(tested, nodes, shares)
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
@@ -207,7 +205,7 @@ def slide(
     if at.size:
         inverse = np.asarray(1.0 / found.weight, dtype=np.float64)
         mean = placed_rows(scaled_rows(inverse, shares), at, count)  # of moments of the functions
-        pieces = SlidingPieces.of(slave, master, tested, directions, mean)
+        pieces = SlidingPieces.of(tested, directions, mean)
         gap[at] = pieces.gap[at]
         normal_rows = normal_rows - pieces.rows
     way = _way(tangents, sharing @ slave.x - opposite @ master.x)

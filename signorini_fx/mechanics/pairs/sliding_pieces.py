@@ -87,19 +87,10 @@ class SlidingPieces:
     kinks: Kinks = field(repr=False)
 
     @classmethod
-    def of(
-        cls, slave: PairSurface, master: PairSurface, tested: Tested, directions: Array, mean: sp.csr_array
-    ) -> SlidingPieces:
-        """Those of two sides.
-
-        Args:
-            slave: the side with the points.
-            master: the other one.
-            tested: their overlap.
-            directions: of projection at the nodes of the slave, of length one, shape (N, d).
-            mean: see ``SlidingPieces``.
-        """
-        overlap, dim, first = tested.overlap, slave.dimension, len(slave.x)
+    def of(cls, tested: Tested, directions: Array, mean: sp.csr_array) -> SlidingPieces:
+        """Those of two sides; ``directions``: of projection at the nodes of the slave, of length one, shape (N, d)."""
+        slave, master, overlap = tested.slave, tested.master, tested.overlap
+        dim, first = slave.dimension, len(slave.x)
         projection, total = Projection.of(slave, directions), first + len(master.x)
         turning = beside(projection.turning, sp.csr_array((projection.turning.shape[0], dim * len(master.x))))
         spread = sp.csr_array(sp.vstack((sp.eye_array(dim * total), turning)))
@@ -115,7 +106,7 @@ class SlidingPieces:
         facing, dual = inverse[..., -1], np.moveaxis(inverse[..., :-1], 3, 0)
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
         curved = np.einsum("pqd,k,pkd->pq", facing, curvatures, corners, optimize=True)
-        kinks = Kinks.of(slave, master, tested, projection)
+        kinks = Kinks.of(tested, projection)
         points, bend = slave.points[overlap.slave], master.directions[over]
         directed = (facing, facing - way, dual, distance)
         return cls(mean, points, tested.weighted, blocks, spread, share, turns, slope, *directed, curved, bend, kinks)
@@ -264,9 +255,10 @@ class Kinks:
     across: Array
 
     @classmethod
-    def of(cls, slave: PairSurface, master: PairSurface, tested: Tested, projection: Projection) -> Kinks:
+    def of(cls, tested: Tested, projection: Projection) -> Kinks:
         """Those between two facets of the master that one facet of the slave sees."""
-        overlap, dim, count = tested.overlap, slave.dimension, len(slave.x)
+        slave, master, overlap = tested.slave, tested.master, tested.overlap
+        dim, count = slave.dimension, len(slave.x)
         seen = np.unique(np.column_stack((overlap.slave, overlap.master)), axis=0)
         around = _around_facet(master)[seen[:, 1]]
         ends = np.stack([np.roll(around, -k, axis=1) for k in range(dim - 1)], axis=2)
