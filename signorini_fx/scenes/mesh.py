@@ -22,7 +22,6 @@ from signorini_fx.mechanics.mesh.tagged import (
     load_file,
 )
 from signorini_fx.mechanics.statement.mesh_sources import (
-    DRAWN,
     MeshFile,
     MeshGenerator,
     contact_sizes,
@@ -50,26 +49,23 @@ def with_cells_alike(scene: Scene) -> Scene:
 
     It is that which the scene gives one of them, otherwise the first of their own ones that all can make.
     """
-    able: dict[int, tuple[str, ...]] = {}
-    for number, body in enumerate(scene.body):
-        if isinstance(mesh := body.mesh, MeshGenerator):
+    able, meshes = dict[int, tuple[str, ...]](), scene.meshes
+    for number, mesh in enumerate(meshes):
+        if isinstance(mesh, MeshGenerator):
             try:
                 able[number] = cells_of_generator(mesh.generator, mesh.parameters)
             except SceneError as error:
                 raise SceneError(in_body(number, error.problems)) from None
-    tables: list[Any] = [scene.body[number].mesh for number in able]
-    given = [table.parameters["cell"] for table in tables if "cell" in table.parameters]
+    given = [meshes[number].parameters["cell"] for number in able if "cell" in meshes[number].parameters]
     common = [cell for cells in able.values() for cell in cells[:1] if all(cell in others for others in able.values())]
     wanted = next(iter((*given, *common)), None)
     if all(cells[:1] == (wanted,) for cells in able.values()):
         return scene
-    bodies = list(scene.body)
     for number, cells in able.items():
         if wanted in cells:
-            table: Any = bodies[number].mesh
-            table = table.model_copy(update={"parameters": {"cell": wanted, **table.parameters}})
-            bodies[number] = bodies[number].model_copy(update={"mesh": table})
-    return scene.model_copy(update={"body": tuple(bodies)})
+            parameters = {"cell": wanted, **meshes[number].parameters}
+            meshes[number] = meshes[number].model_copy(update={"parameters": parameters})
+    return scene.with_meshes(meshes)
 
 
 def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
@@ -84,9 +80,8 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
                 raise SceneError([(sizes[0].path, reason)])
         case MeshFile():
             # A drawing gets curved cells if the degree of the elements permits.
-            drawn = source.file.suffix.lower() in DRAWN
-            curved = scene.element.degree == 2 and drawn
-            if number is not None and not drawn:
+            curved = scene.element.degree == 2 and source.drawn
+            if number is not None and not source.drawn:
                 sizes = ()  # they are for the other body
             tagged = load_file(source, comm, 0, 2 if curved else None, sizes)
         case MeshGenerator(generator=name, parameters=parameters):
@@ -98,27 +93,20 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
 
 
 def _refuse_contact_sizes(scene: Scene) -> None:
-    """Refuse ``contact_size`` of a contact if all bodies have their cells already."""
+    """Refuse ``contact_size`` of a contact if gmsh neither may make the cells of any body nor has made them."""
+    for mesh in scene.meshes:
+        if isinstance(mesh, MeshGenerator) or (mesh.drawn if isinstance(mesh, MeshFile) else mesh.origin):
+            return
     for index, contact in enumerate(scene.contact):
-        if contact.contact_size is not None and not any(_makes_cells(body.mesh) for body in scene.body):
+        if contact.contact_size is not None:
             reason = "all bodies have their cells already: give a drawing, or make those in contact shorter there"
             raise SceneError([(f"contact[{index}].contact_size", reason)])
 
 
-def _makes_cells(mesh: Any) -> bool:
-    """Whether gmsh may make the cells of a table ``mesh``, or has made them."""
-    if isinstance(mesh, MeshFile):
-        return mesh.file.suffix.lower() in DRAWN
-    return isinstance(mesh, MeshGenerator) or bool(mesh.origin)
-
-
 def scene_on(scene: Scene, factor: float) -> Scene:
     """The scene on a mesh with elements ``factor`` times as large."""
-    contacts = with_larger_contact_sizes(scene.contact, factor)
-    if scene.body:
-        bodies = tuple(body.model_copy(update={"mesh": _mesh_on(body.mesh, factor)}) for body in scene.body)
-        return scene.model_copy(update={"body": bodies, "contact": contacts})
-    return scene.model_copy(update={"mesh": _mesh_on(scene.mesh, factor), "contact": contacts})
+    scene = scene.model_copy(update={"contact": with_larger_contact_sizes(scene.contact, factor)})
+    return scene.with_meshes(_mesh_on(mesh, factor) for mesh in scene.meshes)
 
 
 def _mesh_on(mesh: Any, factor: float) -> MeshGenerator:
@@ -138,13 +126,11 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
         MeshError: a mesh cannot be divided; the message names the body.
     """
     halved = []
-    for number, body in enumerate(scene.body):
-        mesh: Any = body.mesh
+    for number, mesh in enumerate(scene.meshes):
         try:
             if isinstance(mesh, MeshFile):
-                drawn = mesh.file.suffix.lower() in DRAWN
-                curved = scene.element.degree == 2 and drawn  # as without a given accuracy
-                sizes = contact_sizes(scene, number) if drawn else ()
+                curved = scene.element.degree == 2 and mesh.drawn  # as without a given accuracy
+                sizes = contact_sizes(scene, number) if mesh.drawn else ()
                 mesh = load_file(mesh, comm, halvings, 2 if curved else None, sizes)
             elif isinstance(mesh, TaggedMesh):
                 for _ in range(halvings):
@@ -152,12 +138,12 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
         except SceneError as error:
             raise SceneError(in_body(number, error.problems)) from None
         except MeshError as error:
-            raise MeshError(f"body {body.name!r}: {error}") from None
+            raise MeshError(f"body {scene.body[number].name!r}: {error}") from None
         if isinstance(mesh, MeshGenerator):
             mesh = _mesh_on(mesh, 0.5**halvings)
-        halved.append(body.model_copy(update={"mesh": mesh}))
+        halved.append(mesh)
     contacts = with_larger_contact_sizes(scene.contact, 0.5**halvings)
-    return scene.model_copy(update={"body": tuple(halved), "contact": contacts})
+    return scene.with_meshes(halved).model_copy(update={"contact": contacts})
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:

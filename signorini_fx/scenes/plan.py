@@ -23,7 +23,7 @@ from signorini_fx.mechanics.mesh.tagged import (
     simplex_parameters,
 )
 from signorini_fx.mechanics.statement.features import divisible
-from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile, MeshGenerator, contact_sizes
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator, contact_sizes
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy.next_accuracy import LOCAL, divides
 from signorini_fx.scenes.mesh import load_mesh
@@ -102,18 +102,16 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
 
 def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
     """Several bodies as one mesh of straight triangles that can be divided; None: some have arcs or other cells."""
-    bodies = []
-    for body in scene.body:
-        mesh: Any = body.mesh
+    meshes = scene.meshes
+    for number, mesh in enumerate(meshes):
         if isinstance(mesh, MeshGenerator):
             if (triangles := simplex_parameters(mesh.generator, mesh.parameters)) is None:
                 return None
-            mesh = mesh.model_copy(update={"parameters": triangles})
-        elif isinstance(mesh, MeshFile) and mesh.file.suffix.lower() in DRAWN:
+            meshes[number] = mesh.model_copy(update={"parameters": triangles})
+        elif isinstance(mesh, MeshFile) and mesh.drawn:
             return None
-        bodies.append(body.model_copy(update={"mesh": mesh}))
     try:
-        tagged = load_mesh(scene.model_copy(update={"body": tuple(bodies)}), comm)
+        tagged = load_mesh(scene.with_meshes(meshes), comm)
     except MeshError:  # some have other cells
         return None
     straight = not curvature(tagged) > SAME_LENGTH * tagged.size
@@ -136,28 +134,24 @@ def _planned_bodies(scene: Scene, goal: Accuracy) -> Plan:
                 check_divisible(body.mesh)
             except MeshError as error:
                 raise MeshError(f"body {body.name!r}: {error}") from None
-    polygonal = any(
-        isinstance(body.mesh, TaggedMesh)
-        or (isinstance(body.mesh, MeshFile) and body.mesh.file.suffix.lower() not in DRAWN)
-        for body in scene.body
-    )
-    better = _with_curved_bodies(scene) if goal.refinement == "auto" and goal.of in LOCAL else scene
-    return Plan(better, adaptive=False, polygonal=polygonal)
+    polygonal = not all(isinstance(mesh, MeshGenerator) or getattr(mesh, "drawn", False) for mesh in scene.meshes)
+    return Plan(_curved(scene, goal), adaptive=False, polygonal=polygonal)
 
 
-def _with_curved_bodies(scene: Scene) -> Scene:
-    """In 2D with elements and cells of degree 2, if generators with arcs make all bodies; else as it is."""
+def _curved(scene: Scene, goal: Accuracy) -> Scene:
+    """In 2D with elements and cells of degree 2, if generators with arcs make all meshes; else as it is."""
+    if goal.refinement != "auto" or goal.of not in LOCAL:
+        return scene
     curved = []
-    for body in scene.body:
-        if not isinstance(body.mesh, MeshGenerator):
+    for mesh in scene.meshes:
+        if not isinstance(mesh, MeshGenerator):
             return scene
-        name, original = body.mesh.generator, body.mesh.parameters
-        parameters = curved_parameters(name, original)
-        if parameters is None or cells_of_generator(name, original)[:1] in (("tetrahedron",), ("hexahedron",)):
+        parameters = curved_parameters(mesh.generator, mesh.parameters)
+        solid = cells_of_generator(mesh.generator, mesh.parameters)[:1] in (("tetrahedron",), ("hexahedron",))
+        if parameters is None or solid:
             return scene
-        mesh = body.mesh.model_copy(update={"parameters": parameters})
-        curved.append(body.model_copy(update={"mesh": mesh}))
-    return _of_degree_2(scene).model_copy(update={"body": tuple(curved)})
+        curved.append(mesh.model_copy(update={"parameters": parameters}))
+    return _of_degree_2(scene).with_meshes(curved)
 
 
 def _divides(goal: Accuracy, scene: Scene, cell: str, *, straight: bool) -> bool:
@@ -194,19 +188,17 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
         local = _divides(goal, scene, cell, straight=triangles is not None)
         better = _of_degree_2(scene) if local and _takes_degree_2(goal, 3) else scene
         return Plan(better, local)
-    # Arcs: cells of degree 2 on them, and all of them smaller.
-    parameters = curved_parameters(name, original) if triangles is None else triangles
-    if goal.refinement != "auto" or goal.of not in LOCAL or parameters is None:
+    if triangles is None:  # arcs, with cells of degree 2 on them, and all of them smaller
+        return Plan(_curved(scene, goal), adaptive=False)
+    if goal.refinement != "auto" or goal.of not in LOCAL:
         return Plan(scene, goal.refinement == "adaptive")
-    mesh = scene.mesh.model_copy(update={"parameters": parameters})
-    better = _of_degree_2(scene).model_copy(update={"mesh": mesh})
-    return Plan(better, triangles is not None)
+    mesh = scene.mesh.model_copy(update={"parameters": triangles})
+    return Plan(_of_degree_2(scene).with_meshes([mesh]), adaptive=True)
 
 
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:
     """Curved sides stay curved: all cells are divided then, because dolfinx bisects straight ones only."""
-    drawn = file.file.suffix.lower() in DRAWN
-    sizes = contact_sizes(scene)
+    drawn, sizes = file.drawn, contact_sizes(scene)
     tagged = load_file(file, comm, 0, 2 if drawn else None, sizes)
     curved = curvature(tagged) > SAME_LENGTH * tagged.size
     degree = compat.geometry_degree(tagged.mesh)

@@ -11,7 +11,7 @@ Any consistent units may be used: forces, lengths and stresses of one system.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Self, TypeVar, get_origin
 
@@ -27,14 +27,7 @@ from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Load, listed, with_every_effect
 from signorini_fx.mechanics.statement.features import refused_features
 from signorini_fx.mechanics.statement.load_path import LoadSteps
-from signorini_fx.mechanics.statement.mesh_sources import (
-    DRAWN,
-    WITHOUT_ARCS,
-    Body,
-    MeshFile,
-    MeshGenerator,
-    OneMesh,
-)
+from signorini_fx.mechanics.statement.mesh_sources import WITHOUT_ARCS, Body, MeshGenerator, OneMesh
 from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, rigid_bodies
 from signorini_fx.mechanics.statement.rigid_shape import OneShape, Shape, read_shape
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, TitleBlock, Units
@@ -50,9 +43,7 @@ _SETTINGS = ("title", "incomplete", "element", "load_steps", "solver", "accuracy
 
 def _may_be_remade(mesh: Any) -> bool:
     """Whether cells of other lengths may be made of a table ``mesh``; of most generators only their modules know."""
-    if isinstance(mesh, MeshGenerator):
-        return mesh.generator not in WITHOUT_ARCS
-    return isinstance(mesh, MeshFile) and mesh.file.suffix.lower() in DRAWN
+    return mesh.generator not in WITHOUT_ARCS if isinstance(mesh, MeshGenerator) else getattr(mesh, "drawn", False)
 
 
 class Rigid(RigidMotion):
@@ -241,6 +232,18 @@ class Scene(Table):
         except FormError as error:
             yield from ((("load_steps", key), reason) for key, reason in error.problems)
 
+    @property
+    def meshes(self) -> list[Any]:
+        """Where its meshes come from, one for each body."""
+        return [body.mesh for body in self.body] or [self.mesh]
+
+    def with_meshes(self, meshes: Iterable[Any]) -> Self:
+        """The same with other ones."""
+        if not self.body:
+            return self.model_copy(update={"mesh": next(iter(meshes))})
+        bodies = zip(self.body, meshes, strict=True)
+        return self.model_copy(update={"body": tuple(body.model_copy(update={"mesh": mesh}) for body, mesh in bodies)})
+
     @cached_property
     def statement(self) -> Statement:
         """The same without its mesh, as all that solves and judges reads it."""
@@ -250,7 +253,7 @@ class Scene(Table):
             key: entries if isinstance(entries, tuple) else () if entries is None else (entries,)
             for key, entries in given.items()
         }
-        meshes: list[Any] = [body.mesh for body in self.body] or [self.mesh]
+        meshes = self.meshes
         return Statement(
             title=self.title,
             incomplete=self.incomplete,

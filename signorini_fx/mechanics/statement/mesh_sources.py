@@ -38,6 +38,11 @@ class MeshFile(Table):
     data: str | None = None
     size: Positive | None = None
 
+    @property
+    def drawn(self) -> bool:
+        """Whether gmsh makes its cells."""
+        return self.file.suffix.lower() in DRAWN
+
 
 class MeshGenerator(Table):
     """A mesh from one of the generators in ``meshes/``.
