@@ -40,6 +40,7 @@ from signorini_fx.mechanics.materials.path_dependent import J2, Maxwell
 from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.records import JUDGED, REPORTED, Status
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, scene
@@ -440,7 +441,7 @@ def table(pages, *words):
 MODELS = {
     ("Top level", "key"): [scene.Scene],
     ("`[mesh]` from a generator", "key"): [scene.MeshGenerator],
-    ("`[mesh]` from a file", "key"): [scene.MeshFile],
+    ("`[mesh]` from a file", "key"): [MeshFile],
     ("`[element]`", "key"): [scene.Discretised],
     ("`[[material]]`", "key"): [LinearElastic, OrthotropicElastic],
     ("`[[material]]`", "key of `orthotropic`"): [Orthotropic],

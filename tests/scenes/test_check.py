@@ -25,6 +25,7 @@ from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.base import tables
 from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.load_path import LoadSteps
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.records import Status
 from signorini_fx.results.summary import render, summarise
 from signorini_fx.scenes import cli, scene, template
@@ -384,7 +385,7 @@ MODELS = {
     "rigid": [import_module("signorini_fx.scenes.scene").Rigid],
     "load_steps": [LoadSteps],
     "solver": [settings.SolverSettings],
-    "mesh": [scene.MeshGenerator, scene.MeshFile],
+    "mesh": [scene.MeshGenerator, MeshFile],
 }
 
 
