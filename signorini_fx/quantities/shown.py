@@ -390,13 +390,6 @@ def _forces(summary: Summary) -> list[str | TerminalLine]:
     return texts
 
 
-def _resultant(summary: Summary, key: str) -> str:
-    """A resultant force or moment; components that are round-off of those at work count as zero."""
-    kind = key.partition("_")[2]
-    size = float(np.abs([summary[f"contact_{kind}"], summary[f"friction_{kind}"]]).max())
-    return in_brackets(clean(summary[key], size))
-
-
 def _max_shear(summary: Summary) -> list[str | TerminalLine]:
     """None without friction."""
     shear = with_unit(figure_or_error(summary["max_shear"], error_of(summary, "max_shear")), "stress")
@@ -422,8 +415,10 @@ def _areas(summary: Summary) -> list[str | TerminalLine]:
     return lines
 
 
-def _moment(key: str) -> Callable[[Summary], list[str | TerminalLine]]:
-    return lambda summary: [] if on_several_bodies(summary) else [f"{_resultant(summary, key)}, about the origin"]
+def _moment(key: str, summary: Summary) -> list[str | TerminalLine]:
+    """A resultant moment; components that are round-off of those at work count as zero."""
+    size = float(np.abs([summary["contact_moment"], summary["friction_moment"]]).max())
+    return [] if on_several_bodies(summary) else [f"{in_brackets(clean(summary[key], size))}, about the origin"]
 
 
 def _boundaries(summary: Summary) -> list[str | TerminalLine]:
@@ -542,8 +537,8 @@ _TABLE = (
     Shown("max_shear", "largest shear", _max_shear),
     Shown("zones", "zone", _zones),
     Shown("areas", "area", _areas),
-    Shown("contact_moment", "contact moment", _moment("contact_moment")),
-    Shown("friction_moment", "friction moment", _moment("friction_moment")),
+    Shown("contact_moment", "contact moment", partial(_moment, "contact_moment")),
+    Shown("friction_moment", "friction moment", partial(_moment, "friction_moment")),
     Shown("contact_boundaries", "in contact", _boundaries),
     Shown("resultants", "forces", _resultants),
     Shown("strain_energy", "strain energy"),

@@ -161,7 +161,9 @@ def _heading(summary: dict[str, Any]) -> TerminalLine:
 def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
     from signorini_fx.results.accuracy import convergence_table
 
-    lines = [_heading(summary), *_outcome(summary), *_method(summary), *_pieces(summary), *_warnings(summary)]
+    method = [row("algorithm", summary["algorithm"]), *_events(summary["events"])]
+    method.append(row("linear algebra", summary["linear_algebra"]))
+    lines = [_heading(summary), *_outcome(summary), *method, *_pieces(summary["pieces"]), *_warnings(summary)]
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return lines
     lines += [line for shown in table() for line in shown_lines(shown, summary)]
@@ -176,14 +178,6 @@ def _outcome(summary: dict[str, Any]) -> list[TerminalLine]:
     """Of which load step the results are, and what to do unless it is a solution."""
     lines = [row("results of", results_of(summary))] if "results_of" in summary else []
     return lines if summary["converged"] else [*lines, row("what to do", summary["advice"], "advice")]
-
-
-def _method(summary: dict[str, Any]) -> list[TerminalLine]:
-    return [
-        row("algorithm", summary["algorithm"]),
-        *_events(summary["events"]),
-        row("linear algebra", summary["linear_algebra"]),
-    ]
 
 
 def _events(events: list[str]) -> list[TerminalLine]:
@@ -211,20 +205,14 @@ def _warnings(summary: dict[str, Any]) -> list[TerminalLine]:
     ]
 
 
-def _pieces(summary: dict[str, Any]) -> list[TerminalLine]:
-    """Those of a body that is not connected."""
-    pieces = summary["pieces"]
-    return [row("pieces", f"{len(pieces)}: {_listed(pieces)}")] if len(pieces) > 1 else []
-
-
-def _listed(pieces: list[dict[str, Any]], limit: int = 4) -> str:
-    """Where the first few pieces are."""
-
-    def one(row: dict[str, Any]) -> str:
-        name = "" if row["body"] is None else f"{row['body']}, "
-        return f"{name}{row['cells']} cells, {extent(row['bounds'])}"
-
-    return "; ".join([one(row) for row in pieces[:limit]] + ["..."] * (len(pieces) > limit))
+def _pieces(pieces: list[dict[str, Any]], limit: int = 4) -> list[TerminalLine]:
+    """Where the first few are of a body that is not connected."""
+    shown = []
+    for piece in pieces[:limit]:
+        name = "" if piece["body"] is None else f"{piece['body']}, "
+        shown.append(f"{name}{piece['cells']} cells, {extent(piece['bounds'])}")
+    listed = "; ".join(shown + ["..."] * (len(pieces) > limit))
+    return [row("pieces", f"{len(pieces)}: {listed}")] if len(pieces) > 1 else []
 
 
 _PACKAGES = ("fenics-basix", "fenics-ufl", "fenics-ffcx", "petsc4py", "mpi4py", "numpy", "pydantic")

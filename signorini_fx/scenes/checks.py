@@ -143,14 +143,6 @@ def estimated_cost(model: Model) -> Cost:
     )
 
 
-def memory_finding(cost: Cost, comm: MPI.Comm) -> list[Finding]:
-    """A warning if the machine has too little memory; collective."""
-    available = parallel.machine_memory(comm)
-    needed = f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}"
-    too_little = cost.memory_bytes >= MEMORY_SHARE * available
-    return [Finding("warning", "mesh", f"{needed}: use a coarser mesh")] * too_little
-
-
 @dataclass(frozen=True)
 class Check:
     """The result of ``check_scene``."""
@@ -193,9 +185,11 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
             _validated(coarse, comm)
         model, compared = _validated(scene, comm), scene.accuracy is not None or bool(coarser)
         findings = [*scene_findings(model), *(uniqueness_findings(model) if uniqueness else [])]
-    cost = estimated_cost(model)
-    acting = _acting(model, compared=compared)
-    return Check(scene.title, acting, cost, (*memory_finding(cost, comm), *findings))
+    cost, available = estimated_cost(model), parallel.machine_memory(comm)
+    if cost.memory_bytes >= MEMORY_SHARE * available:
+        needed = f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}"
+        findings.insert(0, Finding("warning", "mesh", f"{needed}: use a coarser mesh"))
+    return Check(scene.title, _acting(model, compared=compared), cost, tuple(findings))
 
 
 def _nonlinear(scene: Scene, comm: MPI.Comm) -> Model:

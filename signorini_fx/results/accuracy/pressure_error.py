@@ -49,9 +49,12 @@ def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
         One array for each path of the table, shape (rows - 1,).
     """
     squares = []
-    for path, measure in zip(table.paths, around(table, kinematics), strict=True):
+    for path in table.paths:
         rows, s, path_slice = table.unrolled(path)
-        squares.append(_squares(table, rows, s)[path_slice] * measure)
+        squares.append(_squares(table, rows, s)[path_slice])
+        if not kinematics.uniform:  # the circumference at the middle of each interval
+            x = places(table)
+            squares[-1] = squares[-1] * kinematics.measure_at((x[path[:-1]] + x[path[1:]]).T / 2)
     return squares
 
 
@@ -139,16 +142,6 @@ def beside(table: ContactTable, rows: Ints) -> list[Floats]:
 def pressure_square(table: ContactTable) -> float:
     """The squared norm of the pressure in L2(Gamma_c)."""
     return float(np.dot(table.columns["weight"], table.columns["pressure"] ** 2))
-
-
-def around(table: ContactTable, kinematics: Kinematics) -> list[Floats]:
-    """By what the length of each interval of ``interval_squares`` is multiplied: in a body of revolution the length of
-    the circumference at its middle, elsewhere 1.
-    """
-    if kinematics.uniform:
-        return [np.ones(len(path) - 1) for path in table.paths]
-    x = np.column_stack((table.columns["x"], table.columns["y"]))
-    return [kinematics.measure_at((x[path[:-1]] + x[path[1:]]).T / 2) for path in table.paths]
 
 
 def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Floats]) -> Floats:
