@@ -24,16 +24,19 @@ def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
     return np.asarray(points() if callable(points) else points)
 
 
+def _cmap(geometry: Any) -> Any:
+    """One for each kind of cell since 0.11."""
+    return geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
+
+
 def geometry_degree(domain: mesh.Mesh) -> int:
-    """Polynomial degree of the geometry: 1 for straight cells; one list for each kind of cell since 0.11."""
-    geometry: Any = domain.geometry
-    return int((geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap).degree)
+    """Polynomial degree of the geometry: 1 for straight cells."""
+    return int(_cmap(domain.geometry).degree)
 
 
 def geometry_element(domain: mesh.Mesh) -> Any:
     """The Lagrange element of the geometry of the cells, as basix has it."""
-    geometry: Any = domain.geometry
-    cmap = geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
+    cmap = _cmap(domain.geometry)
     return lagrange(domain.topology.cell_name(), cmap.degree, basix.LagrangeVariant(cmap.variant))
 
 
@@ -49,12 +52,6 @@ def geometry_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     return np.asarray(geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap)
 
 
-def collapsed(space: fem.FunctionSpace, component: int) -> tuple[fem.FunctionSpace, npt.NDArray[np.int32]]:
-    """The scalar space of a component, and which dofs of this rank of the whole space its own are, shape (dofs,)."""
-    part, dofs = space.sub(component).collapse()
-    return part, np.asarray(dofs[0] if VERSION >= (0, 11) else dofs, dtype=np.int32)
-
-
 def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) -> Any:
     """The object of C++ that one of Python holds, which compiled forms and other releases know."""
     inner: Any = holder
@@ -64,9 +61,8 @@ def wrapped(holder: fem.FunctionSpace | mesh.Mesh | fem.Form | mesh.Geometry) ->
 def geometry_in_space(domain: mesh.Mesh) -> Any:
     """The geometry of a mesh, whose points get three coordinates, for a mesh of the same topology."""
     geometry: Any = wrapped(domain.geometry)
-    cmap = geometry.cmaps[0] if VERSION >= (0, 11) else geometry.cmap
-    x = np.array(geometry.x)
-    return type(geometry)(geometry.index_map(), geometry_cells(domain), cmap, x, geometry.input_global_indices)
+    x, indices = np.array(geometry.x), geometry.input_global_indices
+    return type(geometry)(geometry.index_map(), geometry_cells(domain), _cmap(geometry), x, indices)
 
 
 def form_data(form: fem.Form) -> list[npt.NDArray[Any]]:

@@ -94,8 +94,8 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
         else:
             # A program without locks has begun less than its own patience ago, or is gone.
             if not 0.0 <= _age(_files(folder, module)[0]) < patience:
-                for file in _files(folder, module):
-                    file.unlink(missing_ok=True)
+                for unfinished in _files(folder, module):
+                    unfinished.unlink(missing_ok=True)
                 return
         signals.serve()
         time.sleep(PROGRESS_PAUSE)

@@ -24,7 +24,7 @@ from signorini_fx.forms.nonlinear.moving_shapes import fitting
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.nonlinear.results import ResidualBody
 from signorini_fx.forms.solver import StepBeginning
-from signorini_fx.machine import compat, parallel
+from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
 from signorini_fx.mechanics.body.nonlinear_law import BodyResidual, at_rest, body_residual
@@ -101,7 +101,7 @@ class ProblemOfScene(NonlinearContactProblem):
     path_step = -1.0
     timings: Timings
     _named_residual: ClassVar[str] = "material"
-    _held: list[tuple[fem.Function, npt.NDArray[np.int32]]]
+    _held: fem.Function  # the values of supports
 
     @classmethod
     def of(cls, statement: Statement, model: Model, history: History) -> ProblemOfScene:
@@ -197,8 +197,7 @@ class ProblemOfScene(NonlinearContactProblem):
             values += factor * load.prescribed.x.array
         self._solver.residual.loads = forces
         self.body.move_to(path_step)
-        for function, dofs in self._held:
-            function.x.array[:] = values[dofs]
+        self._held.x.array[:] = values
         self._move(self.statement.placed(path_step))
         for number, shape in _drives_at(self.statement, self.model.tagged.dimension, path_step).items():
             moving, dimension = self.shapes[number], self.model.tagged.dimension
@@ -314,23 +313,16 @@ def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[i
     return shapes
 
 
-def _conditions(model: Model) -> tuple[list[Any], list[fem.DirichletBC]]:
-    """The supports of a body as conditions whose values change: the Functions of the values with the unknowns of the
-    body that they are of, and the conditions; collective.
-    """
-    space, dim = model.space, model.space.mesh.geometry.dim
-    fixed, _ = prescribed(space, model.bcs)
-    held, conditions = list[Any](), list[fem.DirichletBC]()
-    for component in range(dim):
-        part, dofs = compat.collapsed(space, component)
-        at = np.flatnonzero(fixed[dofs]).astype(np.int32)
-        if not parallel.any_rank(space.mesh.comm, at.size > 0):
-            continue
-        values = fem.Function(part)
-        held.append((values, dofs))
-        pair: Any = [dofs[at], at]  # of the space and of the collapsed one
-        conditions.append(fem.dirichletbc(values, pair, space.sub(component)))
-    return held, conditions
+def _conditions(model: Model) -> tuple[fem.Function, list[fem.DirichletBC]]:
+    """The supports of a body as conditions with the values of a Function, which change; collective."""
+    space, size, conditions = model.space, model.space.dofmap.index_map_bs, list[fem.DirichletBC]()
+    (fixed, _), values = prescribed(space, model.bcs), fem.Function(space)
+    for component in range(size):
+        at = np.arange(component, fixed.size, size, dtype=np.int32)[fixed[component::size]]
+        if parallel.any_rank(space.mesh.comm, at.size > 0):
+            pair: Any = [at, at]  # of the component and of the values
+            conditions.append(fem.dirichletbc(values, pair, space.sub(component)))
+    return values, conditions
 
 
 def _of_scene(error: FormError, statement: Statement) -> SceneError:

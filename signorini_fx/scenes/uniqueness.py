@@ -1,21 +1,17 @@
 """Below which friction coefficient a scene has one solution on its mesh, proved from the stiffness of contact points.
 
-Let v be the difference of the relative displacements of two solutions with the same loads, and r that of the nodal
-contact forces, so that S v = -r with the condensed stiffness S.  At every point
+Let v be the difference of two solutions with the same loads, and r that of the nodal contact forces, so that S v = -r
+with the condensed stiffness S.  At every point, with and without regularisation and in bilateral contact,
 
-    r_N v_N >= 0        and        r_T . v_T >= -F |r_N| |v_T|,
+    r_N v_N >= 0        and        r_T . v_T >= -F |r_N| |v_T|.
 
-the second one because the bound of a point is Lipschitz continuous in its pressure with the constant F, and the shear
-is monotone in the slip at a fixed bound.  Both hold with and without regularisation, for bounds with a limit, for
-bilateral contact and for an increment of a load step.  With weights nu_i > 0, tau_i = 1 and
-F |r_N| |v_T| <= F (d r_N^2 + v_T^2 / d) / 2,
+With weights D, nu > 0 of normal and 1 of tangential components, and F |r_N| |v_T| <= F (d r_N^2 + v_T^2 / d) / 2,
 
-    v^T D S v <= F / 2 (sum d_i (S v)_N,i^2 + |v_T,i|^2 / d_i),        D = diag(nu, tau).
+    v^T D S v <= F / 2 (sum d (S v)_N^2 + |v_T|^2 / d).
 
-So the solution is the only one if the symmetric part of D S minus the matrix on the right is positive definite.  Any
-weights give a proof; here nu and a factor of d are the same at all points, and make the largest such F as large as
-possible.  Tresca friction at a point is F = 0: its shear stays in r.  A bond holds its point.  docs/theory.md derives
-it.
+So v = 0 if the symmetric part of D S minus the matrix on the right is positive definite.  Any weights give a proof;
+here nu and a factor of d make the largest such F as large as possible.  Tresca friction is F = 0: its shear stays in r.
+A bond holds its point.  docs/theory.md derives it.
 """
 
 from __future__ import annotations
