@@ -192,13 +192,10 @@ class ExtremeOfValue(Row):
 
     value: Number
     place: Annotated[list[Number], Field(max_length=3)]
-    region: str | None = described(
-        "Name of its body or of the region of its material, if there are several; null: that without a region.",
-        default=None,
+    region: str | None = perhaps(
+        "Name of its body or of the region of its material, if there are several; null: that without a region."
     )
-    no_limit: str | None = described(
-        "Why it has no limit as the mesh is refined, if it is known to have none.", default=None
-    )
+    no_limit: str | None = perhaps("Why it has no limit as the mesh is refined, if it is known to have none.")
 
 
 class RecoveredExtremes(Row):
@@ -253,37 +250,32 @@ class CertificateFigures(Row):
 class ErrorBoundFigures(Row):
     """A guaranteed bound."""
 
-    relative_error: Number = described(
-        "Of the displacement, relative to the energy norm of the exact solution.", default=None
-    )
+    relative_error: Number = perhaps("Of the displacement, relative to the energy norm of the exact solution.")
     strain_energy: list[Number] = described(
         "Between which the strain energy of the exact solution is.", default_factory=list
     )
-    error: Number = described("Square root of a(e, e): at most the sum of the three that follow.", default=None)
-    duality: Number = described("Part of the gap between both functionals.", default=None)
-    moved: Number = described("Part of the displacement without penetration instead of the computed one.", default=None)
-    round_off: Number = described("Part of round-off.", default=None)
-    guaranteed: bool = described("Whether it is a bound; else an estimate.", default=None)
+    error: Number = perhaps("Square root of a(e, e): at most the sum of the three that follow.")
+    duality: Number = perhaps("Part of the gap between both functionals.")
+    moved: Number = perhaps("Part of the displacement without penetration instead of the computed one.")
+    round_off: Number = perhaps("Part of round-off.")
+    guaranteed: bool = perhaps("Whether it is a bound; else an estimate.")
     statement: str = described("All of it in a sentence, or why there is no bound.")
 
 
 class CostOfAccuracy(Row):
     """What an accuracy took, by the estimated error and the seconds of this run, and what a better one would take."""
 
-    of: str | None = described(
-        "The error that it is about, a column of the convergence table: `energy` is that of stress and displacement.",
-        default=None,
+    of: str | None = perhaps(
+        "The error that it is about, a column of the convergence table: `energy` is that of stress and displacement."
     )
-    error: Number = described("Estimated error of the last mesh, relative.", default=None)
-    seconds: Number = described("What it took, all meshes together, wall time.", default=None)
-    dofs: Count | None = described("Unknowns of the last mesh.", default=None)
-    next_error: Number = described("A smaller error: a tenth in 2D, half in 3D, relative.", default=None)
+    error: Number = perhaps("Estimated error of the last mesh, relative.")
+    seconds: Number = perhaps("What it took, all meshes together, wall time.")
+    dofs: Count | None = perhaps("Unknowns of the last mesh.")
+    next_error: Number = perhaps("A smaller error: a tenth in 2D, half in 3D, relative.")
     next_seconds: list[Number] = described("What that would take on this machine, from and to.", default_factory=list)
-    next_dofs: Number = described("About how many unknowns it would take.", default=None)
-    command: str | None = described(
-        "What asks for it, to be pasted behind the command or in `solve_to_accuracy`.", default=None
-    )
-    local: bool | None = described("Whether cells become smaller only where the error is.", default=None)
+    next_dofs: Number = perhaps("About how many unknowns it would take.")
+    command: str | None = perhaps("What asks for it, to be pasted behind the command or in `solve_to_accuracy`.")
+    local: bool | None = perhaps("Whether cells become smaller only where the error is.")
     statement: str = described("All of it in a sentence, or why there is no forecast.")
 
     def __str__(self) -> str:
@@ -343,15 +335,14 @@ class Run(Row):
     linear_algebra: str = described("Kind of elastic system, and why.")
     pieces: list[PieceOfBody] = described("The connected pieces of the body.")
     findings: list[FindingRow] = described("What is to be known about the scene and the result.")
-    convergence_table: list[Price] = described("Errors and costs of the meshes, if there are several.", default=None)
-    results_of: StepOfResults = described(
-        "The load step that all other figures are of: the last one with a solution, or the first one if it has none.",
-        default=None,
+    convergence_table: list[Price] = perhaps("Errors and costs of the meshes, if there are several.")
+    results_of: StepOfResults = perhaps(
+        "The load step that all other figures are of: the last one with a solution, or the first one if it has none."
     )
     timings: dict[str, Number] = described("Wall time in seconds by phase, the largest over the ranks.")
     versions: dict[str, str] = described("Versions by library, and the BLAS in use.")
-    finished: str = described("When the results were written: date and time in UTC, ISO 8601.", default=None)
-    fields: list[str] = described("Names of the files of fields; absent if none were written.", default=None)
+    finished: str = perhaps("When the results were written: date and time in UTC, ISO 8601.")
+    fields: list[str] = perhaps("Names of the files of fields; absent if none were written.")
 
 
 class Summary(Run):
