@@ -70,12 +70,17 @@ def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
         return _planned_generator(scene, goal)
     if isinstance(scene.mesh, MeshFile):
         return _planned_file(scene, scene.mesh, goal, comm)
-    tagged = load_mesh(scene, comm)
+    return _planned_cells(scene, load_mesh(scene, comm), goal, polygonal=True)
+
+
+def _planned_cells(scene: Scene, tagged: TaggedMesh, goal: Accuracy, *, polygonal: bool) -> Plan:
+    """Straight cells are divided, where the error is if they are triangles or tetrahedra."""
     check_divisible(tagged)  # before hours are spent on the first mesh
     scene = scene.model_copy(update={"mesh": tagged})
-    better = _of_degree_2(scene) if _takes_degree_2(goal, tagged.dimension) else scene
+    # Elements of degree 2 are cheaper; in 3D the error of a force on them is not known.
+    takes = goal.refinement == "auto" and goal.of in (LOCAL if tagged.dimension == 2 else ("energy",))
     local = _divides(goal, scene, tagged.mesh.topology.cell_name(), straight=True)
-    return Plan(better, local, polygonal=True)
+    return Plan(_of_degree_2(scene) if takes else scene, local, polygonal=polygonal)
 
 
 def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
@@ -160,14 +165,6 @@ def _divides(goal: Accuracy, scene: Scene, cell: str, *, straight: bool) -> bool
     return goal.refinement == "adaptive" or able
 
 
-def _takes_degree_2(goal: Accuracy, dimension: int) -> bool:
-    """Whether straight triangles or tetrahedra that are divided get elements of degree 2, which are cheaper.
-
-    In 3D the error of a force on them is not known.
-    """
-    return goal.refinement == "auto" and goal.of in (LOCAL if dimension == 2 else ("energy",))
-
-
 def _of_degree_2(scene: Scene) -> Scene:
     return scene.model_copy(update={"element": scene.element.model_copy(update={"degree": 2})})
 
@@ -186,8 +183,8 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
         raise SceneError([("accuracy.refinement", message)])
     if cell in ("tetrahedron", "hexahedron"):
         local = _divides(goal, scene, cell, straight=triangles is not None)
-        better = _of_degree_2(scene) if local and _takes_degree_2(goal, 3) else scene
-        return Plan(better, local)
+        takes = local and goal.refinement == "auto" and goal.of == "energy"
+        return Plan(_of_degree_2(scene) if takes else scene, local)
     if triangles is None:  # arcs, with cells of degree 2 on them, and all of them smaller
         return Plan(_curved(scene, goal), adaptive=False)
     if goal.refinement != "auto" or goal.of not in LOCAL:
@@ -211,10 +208,7 @@ def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) 
             )
             raise SceneError([("accuracy.refinement", message)])
         straight = load_file(file, comm, degree=1, sizes=sizes)
-        check_divisible(straight)
-        divided = _of_degree_2(scene) if _takes_degree_2(goal, tagged.dimension) else scene
-        divided = divided.model_copy(update={"mesh": straight})
-        return Plan(divided, adaptive=True, polygonal=not drawn and degree == 1)
+        return _planned_cells(scene, straight, goal, polygonal=not drawn and degree == 1)
     planned_scene = _of_degree_2(scene) if better else scene
     geometry = (2 if curved and planned_scene.element.degree == 2 else 1) if drawn or not curved else None
     return Plan(planned_scene, adaptive=False, polygonal=not drawn and degree == 1, geometry=geometry)
