@@ -6,12 +6,10 @@ A rank that is alone sends no message: MPI takes ten times as long for one as to
 from __future__ import annotations
 
 import contextlib
-import math
 import os
 import resource
 import time
 from collections.abc import Callable, Iterable
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -158,7 +156,9 @@ def machine_memory(comm: MPI.Comm) -> float:
 
     Limits are those of a control group, and of the address space of each rank (``ulimit -v``).
     """
-    memory = min(float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")), _limit_of_control_group())
+    memory = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    with contextlib.suppress(OSError, ValueError):  # there is no control group, or it has no limit
+        memory = min(memory, float(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
     first, ranks = True, 1
     if comm.size > 1:
         machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
@@ -168,14 +168,6 @@ def machine_memory(comm: MPI.Comm) -> float:
     if allowed != resource.RLIM_INFINITY:
         memory = min(memory, float(allowed) * ranks)
     return float(global_sum(comm, np.array(memory if first else 0.0)))
-
-
-@cache
-def _limit_of_control_group() -> float:
-    """Bytes, as the process has found it; infinite without a control group, or where that has no limit."""
-    with contextlib.suppress(OSError, ValueError):
-        return float(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii"))
-    return math.inf
 
 
 def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:

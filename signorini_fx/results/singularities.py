@@ -21,7 +21,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.loads.supports import on_axis
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import InitialStrain
@@ -110,17 +110,14 @@ def facets_near(body: Model, point: Array) -> list[BoundaryFacet]:
     mesh, dim = body.tagged.mesh, body.tagged.dimension
     mesh.topology.create_connectivity(dim - 1, dim)
     numbers = dmesh.exterior_facet_indices(mesh.topology)
-    entities = facet_entities(mesh, numbers)
-    cell_type = getattr(basix.CellType, mesh.topology.cell_name())
-    corners = np.array(basix.topology(cell_type)[dim - 1])
-    nodes = compat.geometry_cells(mesh)[entities[:, 0]]
-    x = np.asarray(mesh.geometry.x[..., :dim], dtype=np.float64)
-    vertices = x[np.take_along_axis(nodes, corners[entities[:, 1]], axis=1)]
+    entities, vertices = facet_entities(mesh, numbers), facet_vertices(mesh, numbers)[:, :, :dim]
+    corners = len(basix.geometry(getattr(basix.CellType, mesh.topology.cell_name())))
     size = np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
     close = np.linalg.norm(vertices - point, axis=2).min(axis=1, initial=np.inf) <= (1 + DIGITS_OF_FILES) * size
     facets = []
     for k in np.flatnonzero(close):
-        middle = x[nodes[k][: len(basix.geometry(cell_type))]].mean(axis=0)
+        nodes = compat.geometry_cells(mesh)[entities[k, 0], :corners]
+        middle = mesh.geometry.x[nodes, :dim].mean(axis=0)
         normal = _normal(vertices[k], middle)
         condition = _condition(body, int(numbers[k]), normal, vertices[k])
         piece = int(body.pieces.of_cell[entities[k, 0]])

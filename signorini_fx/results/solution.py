@@ -133,15 +133,13 @@ class Solution:
         settings, last, failed = self.statement.solver, self.last_step, self.steps[-1]
         path = {Status.NOT_HELD: "displacement"} | dict.fromkeys(_LEAVES, self.statement.forces_at)
         ended_between = self.statement.load_steps.steps is not None and last is not failed
+        reached = f"there is a solution at time {last.time:.6g}{self._factors_held}, and none"
         if self.status in path:
             wanted = ("warning", path[self.status])
             # Of several load steps ``check`` may name another one than that which has failed.
             of_step = [failed.reason] if failed.reason is not None and self.statement.steps > 1 else []
-            reasons = [*of_step, *self.findings]
-            named = (finding.message for finding in reasons if (finding.level, finding.path) == wanted)
-            between = (
-                f"there is a solution at time {last.time:.6g}{self._factors_held}, and none at time {failed.time:.6g}; "
-            )
+            named = (one.message for one in (*of_step, *self.findings) if (one.level, one.path) == wanted)
+            between = f"{reached} at time {failed.time:.6g}; "
             # What the whole load does, a part of it need not do.
             another = _ANOTHER.get(self.status) if ended_between else None
             fits = (message for message in named if another is None or another not in message)
@@ -153,9 +151,8 @@ class Solution:
                 "; between several walls it may be higher: set solver.algorithm = 'alm' and solver.coulomb = 'newton'"
             )
             return (
-                "lower the load, raise the friction, or prescribe a displacement: there is a solution at time "
-                f"{last.time:.6g}{self._factors_held}, and none was found at time {failed.time:.6g}; most likely a "
-                f"limit load is between them, though it is not proved{early * wedged}"
+                f"lower the load, raise the friction, or prescribe a displacement: {reached} was found at time "
+                f"{failed.time:.6g}; most likely a limit load is between them, though it is not proved{early * wedged}"
             )
         if self.history.late and self.status in _UNDECIDED:
             return (

@@ -106,7 +106,11 @@ class ProblemOfScene(NonlinearContactProblem):
     @classmethod
     def of(cls, statement: Statement, model: Model, history: History) -> ProblemOfScene:
         """That of a statement; collective."""
-        space, tagged, statement = model.space, model.tagged, _with_sides_of(statement, model.statement)
+        space, tagged = model.space, model.tagged
+        # The contact points of pairs are on the sides that have been chosen for the body.
+        sides = [{"boundary": entry.boundary, "against": entry.against} for entry in model.statement.contact]
+        chosen = zip(statement.contact, sides, strict=True)
+        statement = statement.changed(contact=tuple(entry.model_copy(update=side) for entry, side in chosen))
         facets = boundary_facets(statement, tagged)
         on = [facets[entry.boundary] for entry in statement.contact]
         masters = {k: facets[entry.against] for k, entry in enumerate(statement.contact) if entry.against is not None}
@@ -239,16 +243,14 @@ class ProblemOfScene(NonlinearContactProblem):
 
     def _move(self, statement: Statement) -> None:
         """Put the foundations where they are in a statement, and take its gaps and friction."""
-        foundations = self.linear.foundations
-        for number, entry in enumerate(statement.contact):
-            if self.statement.contact[number].gap_timed:
+        for number, (entry, given) in enumerate(zip(statement.contact, self.statement.contact, strict=True)):
+            if given.gap_timed:
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
-                foundations.give_gap(number, gap)
-            if self.statement.contact[number].friction.timed:
-                foundations.change(number, friction=_at_its_time(entry.friction))
-        placed = {number: moving for number, moving in self.shapes.items() if not moving.shape.driven}
-        for number, moving in placed.items():
-            if (entry := statement.contact[number]) is not self.statement.contact[number]:
+                self.linear.foundations.give_gap(number, gap)
+            if given.friction.timed:
+                self.linear.foundations.change(number, friction=_at_its_time(entry.friction))
+            moving = self.shapes.get(number)
+            if moving is not None and not moving.shape.driven and entry is not given:
                 moving.shape = entry.foundation
 
 
@@ -281,13 +283,6 @@ class BodyOfScene(ResidualBody):
         anew, displaced = self.forces, self.statement.finite_strains
         balance = replace(self.balance(y, step), supports=anew.prescribed(step))
         return acting_on(anew, balance, y, step, anew.of_followers(y, step), displaced=displaced)
-
-
-def _with_sides_of(statement: Statement, body: Statement) -> Statement:
-    """The statement with the contact points of pairs on those sides that have been chosen for a body."""
-    sides = [{"boundary": entry.boundary, "against": entry.against} for entry in body.contact]
-    contact = [entry.model_copy(update=side) for entry, side in zip(statement.contact, sides, strict=True)]
-    return statement.changed(contact=tuple(contact))
 
 
 def _at_its_time(friction: Any) -> Any:

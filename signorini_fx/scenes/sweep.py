@@ -66,19 +66,14 @@ def sweep(
 def _solutions(scenes: Sequence[Scene], comm: MPI.Comm) -> Iterator[Solution]:
     last: tuple[Scene, Solution, Task] | None = None
     for scene in scenes:
-        if not _on_one_mesh(scene):
+        statement = scene.statement
+        several = statement.nonlinear or statement.several_steps or statement.preloads or scene.accuracy is not None
+        if several or not scene.contact or scene.solver.levels > 1:
             yield solve(scene, comm, check=False)
             continue
         solution, task = _solved(scene, comm, last)
         last = (scene, solution, task) if solution.status is Status.CONVERGED else None
         yield solution
-
-
-def _on_one_mesh(scene: Scene) -> bool:
-    """Whether a scene is one contact problem with one linear body on one mesh."""
-    statement = scene.statement
-    several = statement.nonlinear or statement.several_steps or statement.preloads or scene.accuracy is not None
-    return bool(scene.contact) and not several and scene.solver.levels == 1
 
 
 def _solved(scene: Scene, comm: MPI.Comm, last: tuple[Scene, Solution, Task] | None) -> tuple[Solution, Task]:

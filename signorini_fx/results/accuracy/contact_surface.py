@@ -113,10 +113,8 @@ class ContactSurface:
     @property
     def rim_nodes(self) -> npt.NDArray[np.bool_]:
         """Which rows of the table are on the rim, shape (rows,)."""
-        on_rim = np.zeros(len(self.x), dtype=bool)
-        on_rim[self.corners[self.rim]] = True
-        on_rim[np.roll(self.corners, -1, axis=1)[self.rim]] = True
-        return on_rim
+        ends = np.stack((self.corners, np.roll(self.corners, -1, axis=1)), axis=2)[self.rim]
+        return np.isin(np.arange(len(self.x)), ends)
 
     def jumps(self, values: Floats) -> Floats:
         """How much the slope across each side changes from one piece to the next, shape (pieces, k); 0 at the rim;

@@ -59,10 +59,9 @@ def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
     """Run a command on one of several processes, and print its result, which may come with an exit code."""
     if not started_as_root():
         return EXIT_OK
-    code = EXIT_OK
     try:
         result = run()
-        text, code = result if isinstance(result, tuple) else (result, code)
+        text, code = result if isinstance(result, tuple) else (result, EXIT_OK)
         terminal.say(text)
     except SignoriniError as error:
         return _complain(error)

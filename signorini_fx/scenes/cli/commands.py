@@ -75,11 +75,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         line.erase()
         parallel.log_on_root(comm, table_row(record))
 
-    observers: list[Callable[[Any], None]] = []
-    if options.verbose:
-        observers.append(show)
-    if not options.quiet:
-        observers.append(line)
+    observers: list[Callable[[Any], None]] = [*[show] * options.verbose, *[line] * (not options.quiet)]
     folder: ResultFolder | None = None
     try:
         with ResultFolder(comm, path, (*files.FILES, CHECKPOINT)) as folder:
@@ -87,14 +83,8 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
             if older not in (None, scene.title) and not options.quiet:
                 parallel.log_on_root(comm, f"{path}: the result of another scene, {older!r}, will be replaced")
             try:
-                solution = solver.solve(
-                    scene,
-                    comm,
-                    check=False,
-                    observers=observers,
-                    checkpoint=path,
-                    restart=options.restart,
-                )
+                given: dict[str, Any] = {"observers": observers, "checkpoint": path, "restart": options.restart}
+                solution = solver.solve(scene, comm, check=False, **given)
             finally:
                 line.erase()
             pictures = False if options.no_pictures else options.picture or True
