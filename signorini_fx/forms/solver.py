@@ -181,7 +181,7 @@ class FormSolver:
             begun = first_start(start, self.boundary, self.coarser_state if self._solution is None else None)
         else:
             data = data if (resting := self.task.rest) is None else resting.data_from(data)
-            spin, renewed = self._spin(self.boundary), self.boundary is not self._last.boundary
+            spin, renewed = self.foundations.spin_at(self.boundary), self.boundary is not self._last.boundary
             begun, self.previous_step = self._last.begins_on(self.boundary, data, law, moved, resting, spin)
             solved = self._solution is not None and self._solution.step == begun.step
             if renewed and not solved:
@@ -269,7 +269,8 @@ class FormSolver:
         self.boundary = boundary
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         elastic = self.elastic = self._body(fixed[:owned], boundary)
-        self.scales = scales_of(elastic, boundary, self.foundations.facets, self._size(), self._natural_modulus())
+        size, modulus = diameter_of(space.mesh), self._natural_modulus()
+        self.scales = scales_of(elastic, boundary, self.foundations.facets, size, modulus)
         case, data = self._case(values), self._point_data(shapes)
         laws = [contact.friction for contact in self.forms.contact if contact.friction is not None]
         self.task = elastic.task(
@@ -301,10 +302,6 @@ class FormSolver:
             self._last_modulus = fingerprint, modulus
         return modulus
 
-    def _size(self) -> float:
-        """The diameter of the body, length; collective."""
-        return diameter_of(self.space.mesh)
-
     def _case(self, values: Array) -> LoadCase:
         """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,); collective."""
         forces, function = self._forces(), fem.Function(self.space)
@@ -325,10 +322,6 @@ class FormSolver:
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """How far foundations have moved at contact points since ``advance``, shape (n, d); None: they have not."""
         return self.foundations.moved(boundary)
-
-    def _spin(self, boundary: ContactBoundary) -> Array | None:
-        """The rotation of the foundation of each point since ``advance``, shape (n, d, d); None: none counts."""
-        return None
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
         """What the matrix is made of beside ``a`` and ``bcs``."""

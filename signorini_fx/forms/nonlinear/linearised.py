@@ -50,6 +50,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.loads.supports import prescribed
+from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.obstacles.foundations_on_points import (
     FoundationData,
     Foundations,
@@ -57,6 +58,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
 )
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides, turned_forces
 from signorini_fx.mechanics.scales import Scales
+from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
@@ -104,8 +106,12 @@ class MovingFoundations(Foundations):
 
     def _shaped(self) -> dict[int, Any]:
         x, moving = node_positions(self._space)[:, : self._dimension].astype(np.float64), dict[int, Any]()
+        averages = averaging(self._space)
         for number, distance in super()._shaped().items():
-            turns = self._contact[number].measure is None and not averaging(self._space)
+            if averages and not isinstance(distance.shape, Plane):
+                reason = "on quadratic tetrahedra a shape must be a plane: take hexahedra, or degree 1"
+                raise FormError([(f"contact[{number}].shape", reason)])
+            turns = self._contact[number].measure is None and not averages
             shape = fitting(number, distance.shape, self._dimension, turns=turns)
             nodes = self._values[number].nodes
             moving[number] = MovingShape(shape, nodes, x[nodes], self.at, turns)
@@ -158,9 +164,7 @@ class MovingFoundations(Foundations):
         return motion
 
     def spin_at(self, boundary: ContactBoundary) -> Array | None:
-        """By which rotation what each contact point touches has turned since the last step, shape (n, d, d); None:
-        nothing moves.
-        """
+        """Also of the other side of a pair."""
         turned = {k: moving.shape.turned_from(self.settled[k], self._dimension) for k, moving in self.moving.items()}
         turned |= {k: pair.rotation for k, pair in self.sliding.items()}
         if not turned:
@@ -267,7 +271,7 @@ class LinearisedProblem(FormSolver):
             settings_of(settings),
             options,
         )
-        self._evaluated, self.extent = evaluated, super()._size()
+        self._evaluated, self.extent = evaluated, diameter_of(at.function_space.mesh)
         self._straighten()
 
     def _straighten(self) -> None:
@@ -365,19 +369,17 @@ class LinearisedProblem(FormSolver):
         indefinite = {"linear_algebra": "full", "fallbacks": False}
         definite = self.definite and self.symmetric
         settings = self.settings if definite else self.settings.model_copy(update=indefinite)
-        beside: dict[str, Any] = {"beside": self.curvature, "definite": definite, "symmetric": self.symmetric}
+        beside: dict[str, Any] = {"definite": definite, "symmetric": self.symmetric}
         last, comm = self.__dict__.get("elastic"), self.space.mesh.comm
         if not parallel.any_rank(comm, last is None or not np.array_equal(last.fixed, fixed)):
             assert last is not None
             beside["of_body"] = last.of_body if self._keeps else last.of_supports
             if self._keeps and isinstance(self.task.system, CondensedSystem):
                 beside["eliminated"] = self.task.system.schur
-        beside["relative"] = self.joined(boundary)
         if definite:
             beside["far"] = self._far_points(boundary)
         try:
-            points = boundary if self.contact else None
-            return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, settings, **beside)
+            return self.body_of(self.forms.compiled[0], boundary, fixed=fixed, settings=settings, **beside)
         except MatrixError as error:
             if error.fault != NOT_SYMMETRIC:
                 raise
@@ -385,11 +387,14 @@ class LinearisedProblem(FormSolver):
         self.history.add("the tangent is not symmetric: it is factorised as LU")
         return self._body(fixed, boundary)
 
-    def joined(self, boundary: ContactBoundary) -> tuple[Array, Array] | None:
-        """See ``MovingTools.joined``; None: there are no tractions."""
-        if self.relative is None or len(self.relative) != boundary.size:
-            return None
-        return self.foundations.rigid_bodies.joined(self.relative, boundary)
+    def body_of(self, tangent: fem.Form, boundary: ContactBoundary, **more: Any) -> ElasticBody:
+        """The body of a tangent, with what turns; for the further arguments see ``elastic_body``; collective."""
+        relative = None
+        if self.relative is not None and len(self.relative) == boundary.size:
+            relative = self.foundations.rigid_bodies.joined(self.relative, boundary)
+        points = boundary if self.contact else None
+        more |= {"beside": self.curvature, "relative": relative}
+        return elastic_body(self.space, tangent, self.bcs, boundary=points, **more)
 
     def _forces(self) -> Array:
         return self.elastic.forces_where_free(self._at) - self._residual_now
@@ -402,19 +407,16 @@ class LinearisedProblem(FormSolver):
 
     def _case(self, values: Array) -> LoadCase:
         """With the work of the residual on free motions, and with what relative displacements meet."""
-        case, elastic = super()._case(values), self.elastic
+        case, elastic, driven = super()._case(values), self.elastic, self.rigid.driven_together
         if elastic.motions.free.size:
-            driven = self.rigid.driven_together
             driving = None if driven is None else driven.forces
             resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driving)
             case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
-        if elastic.relative is None:
-            return case
-        moved, driven = self.foundations.coordinates, self.rigid.driven_together
-        assert driven is not None
-        away = self._at.x.array - np.where(self.prescribed[0], values, 0.0)
-        forces, _ = elastic.relative_forces(away, moved - np.where(self.rigid.fixed, driven.motion, 0.0))
-        case.load.getArray()[: forces.size] += np.where(elastic.prescribed[: forces.size], 0.0, forces)
+        if elastic.relative is not None and driven is not None:
+            away = self._at.x.array - np.where(self.prescribed[0], values, 0.0)
+            moved = self.foundations.coordinates - np.where(self.rigid.fixed, driven.motion, 0.0)
+            forces, _ = elastic.relative_forces(away, moved)
+            case.load.getArray()[: forces.size] += np.where(elastic.prescribed[: forces.size], 0.0, forces)
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
@@ -422,9 +424,6 @@ class LinearisedProblem(FormSolver):
         follows = any(entry.against is not None and not entry.bonded for entry in self.contact) or self.rigid.bodies
         curvature = self.curvature.nodes, self.curvature.blocks
         return *curvature, loads, *(where if follows else ())
-
-    def _size(self) -> float:
-        return self.extent
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         return self.foundations.motion_at(boundary, self._begun_places)
@@ -435,9 +434,6 @@ class LinearisedProblem(FormSolver):
         if self._last is None:
             return np.zeros_like(self.places)
         return self._last.before.displacement.x.array.reshape(self.places.shape)
-
-    def _spin(self, boundary: ContactBoundary) -> Array | None:
-        return self.foundations.spin_at(boundary)
 
     def _judged(self, outcome: Outcome, solves_before: int) -> None:
         """None: the solution of the nonlinear problem gets one."""
@@ -620,7 +616,7 @@ class LinearisedProblem(FormSolver):
         state = replace(solved, boundary=self.boundary)
         # Of displacements along the normal there are none.
         slips = np.pad(turned_slips(self.boundary, self._hessians, self._way()), ((0, 0), (0, 0), (1, 0)))
-        turning = curvature, slips, self._spin(self.boundary)
+        turning = curvature, slips, self.foundations.spin_at(self.boundary)
         return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), turning
 
     def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:

@@ -26,10 +26,8 @@ from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_mis
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, lost_digits, slid_past_partners, stress_error
 from signorini_fx.forms.steps import begun_path
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.averages import averaging
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
-from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.differentiable import Gradient
@@ -80,26 +78,15 @@ def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tup
         space_of(ufl.inner(ufl.TrialFunction(space), ufl.TestFunction(space)) * ufl.dx if J is None else J, F, u)
     except FormError as error:
         raise FormError([({"a": "J", "L": "F"}.get(key, key), why) for key, why in error.problems]) from None
-    if averaging(space):
-        problems += [
-            (f"contact[{k}].shape", "on quadratic tetrahedra a shape must be a plane: take hexahedra, or degree 1")
-            for k, entry in enumerate(contact)
-            if entry.shape is not None and not _flat(entry.shape)
-        ]
     if space.mesh.geometry.dim != 2 and space.element.basix_element.degree > 1:
         reason = (
             "in 3D two bodies slide on each other with degree 1 only, as curved facets are not worked out there: "
             "take degree 1, or, where sides slide by little of a facet, sliding = False"
         )
         problems += [(f"contact[{k}]", reason) for k, entry in enumerate(contact) if entry.sliding]
-    if problems:
-        raise FormError(problems)
+        if problems:
+            raise FormError(problems)
     return tuple(contact)
-
-
-def _flat(shape: Any) -> bool:
-    """Whether a shape has the same normal everywhere."""
-    return isinstance(shape, Plane) or (isinstance(shape, Mapping) and shape.get("shape") == "plane")
 
 
 class NonlinearContactProblem(ProblemOfForms):

@@ -17,7 +17,6 @@ from petsc4py import PETSc
 from scipy.spatial import cKDTree
 
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import elastic_body
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, MovingFoundations, State
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, is_derivative
@@ -117,15 +116,11 @@ class Stability:
         linear, space, fixed = self.linear, self.linear.space, self.linear.elastic.fixed
         diagonal = np.abs(linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[: fixed.size])
         largest = parallel.largest(space.mesh.comm, diagonal, 0.0) or 1.0
-        body = elastic_body(
-            space,
+        body = linear.body_of(
             tangent,
-            linear.bcs,
-            fixed,
-            linear.state.boundary if linear.contact else None,
-            linear.settings.model_copy(update={"linear_algebra": "full"}),
-            beside=linear.curvature,
-            relative=linear.joined(linear.state.boundary) if linear.contact else None,
+            linear.state.boundary,
+            fixed=fixed,
+            settings=linear.settings.model_copy(update={"linear_algebra": "full"}),
             definite=False,
             symmetric=False,
             of_body=linear.elastic.of_supports,

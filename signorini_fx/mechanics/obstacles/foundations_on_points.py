@@ -238,6 +238,10 @@ class Foundations:
                 displacements[on_part] = distance.shape.moved_from(self.settled[k].shape, boundary.x[on_part])
         return displacements
 
+    def spin_at(self, boundary: ContactBoundary) -> Array | None:
+        """The rotation of the foundation of each point since it has settled, shape (n, d, d); None: none counts."""
+        return None
+
     @cached_property
     def forms(self) -> list[tuple[Any, fem.Function | None]]:
         """The unit contact form of each foundation, and the factor of the measure in it; of pairs and averages None."""
