@@ -113,4 +113,4 @@ def test_shears_that_turn_with_their_slip(monkeypatch):
     assert problem.state.areas["slip"] > 0.5
     without = "signorini_fx.forms.nonlinear.verdicts.turning_of"
     monkeypatch.setattr(without, lambda state, size: np.zeros((state.boundary.size, 3, 3)))
-    assert problem._solver.stability.verdict() is Status.UNSTABLE
+    assert problem._solver.stable() is Status.UNSTABLE

@@ -19,7 +19,6 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.algebra import Settings
 from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets, classify
 from signorini_fx.algebra.contact.complementarity import RegularisedData
@@ -48,16 +47,13 @@ from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.obstacles.foundations_on_points import (
-    FoundationData,
     Foundations,
     ShapeDistances,
 )
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides, turned_forces
-from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
@@ -194,23 +190,8 @@ class MovingFoundations(Foundations):
         self._pairs[number] = paired
         return paired.boundary()
 
-    def law(
-        self, boundary: ContactBoundary, modulus: float, friction: Sequence[FrictionLaw | None] | None = None
-    ) -> PointFriction | None:
-        """A point that does not see the other side has none, not even one without pressure."""
-        law = super().law(boundary, modulus, friction)
-        return law if law is None else law.without_points(self._alone(boundary))
-
-    def problem(
-        self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, scales: Scales
-    ) -> tuple[RegularisedData, PointFriction | None]:
-        """A point that does not see the other side is not held at it, either."""
-        regularised, law = super().problem(boundary, data, settings, scales)
-        return replace(regularised, bilateral=regularised.bilateral & ~self._alone(boundary)), law
-
-    def _alone(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
-        """Which contact points do not see the other side of their pair, shape (n,)."""
-        alone = np.zeros(boundary.size, dtype=bool)
+    def alone(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
+        alone = super().alone(boundary)
         for number, pair in self.sliding.items():
             alone[boundary.part == number] = pair.alone
         return alone

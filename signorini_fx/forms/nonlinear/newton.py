@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +20,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, State
-from signorini_fx.forms.nonlinear.residual import Residual, Tangents, round_off
+from signorini_fx.forms.nonlinear.residual import round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified, mechanics_at
 from signorini_fx.forms.nonlinear.verdicts import Stability, overlap, overlap_of_bodies
 from signorini_fx.forms.solver import StepBeginning
@@ -86,7 +85,7 @@ def failure(status: Status, certificate: Certificate | None, says_no: str, detai
 
 
 @dataclass
-class EquilibriumSolver:
+class EquilibriumSolver(Stability):
     """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they are.
 
     Attributes:
@@ -103,9 +102,6 @@ class EquilibriumSolver:
         farthest: the largest displacement of the solutions that were taken, relative to the size of the body.
     """
 
-    linear: LinearisedProblem
-    residual: Residual
-    tangents: Tangents
     commit: Callable[[], object]
     max_newton: int
     asks_stability: bool
@@ -122,19 +118,13 @@ class EquilibriumSolver:
     begun: StepBeginning | None = None
     timings: Timings = field(default_factory=Timings)
     farthest: float = 0.0
-    _detail: str = ""  # see ``failure``
-    _tried: Array | None = None  # see ``Stability.reason_for_none``
+    _tried: Array | None = None  # see ``reason_for_none``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 
     @property
     def u(self) -> fem.Function:
         """The displacement."""
         return self.residual.u
-
-    @cached_property
-    def stability(self) -> Stability:
-        """The verdict on where the body is."""
-        return Stability(self.linear, self.tangents, self.residual)
 
     @property
     def _least_increment(self) -> float:
@@ -170,10 +160,9 @@ class EquilibriumSolver:
             if status is Status.CONVERGED and self._hidden:
                 status = Status.NO_DIGIT
             elif status is Status.CONVERGED and self.asks_stability:
-                status = self.stability.verdict()
-                self._detail = self.stability.where if status is Status.UNSTABLE else ""
+                status = self.stable()
             elif final and status not in (Status.CONVERGED, *NOT_BY_STIFFNESS) and not self.without:
-                self.without = self.stability.reason_for_none(last.displacement, self._tried)
+                self.without = self.reason_for_none(last.displacement, self._tried)
         except Exception:
             self.go_back(last)
             raise
@@ -328,7 +317,7 @@ class EquilibriumSolver:
             self._detail = "nothing presses on the body, and the supports do not hold it"
             return inner
         if inner in OF_LINEAR_BODIES:
-            if self.stability.leads(self.u.x.array.copy()):
+            if self.leads(self.u.x.array.copy()):
                 self.without = f"the tangent does not hold it: {inner.value}"
             return Status.NOT_SOLVED
         if inner not in (Status.CYCLING, Status.OUTER_MAX_ITERATIONS):

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -196,8 +195,6 @@ class NonlinearContactProblem(ProblemOfForms):
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
         ends = self._ends if solved.step.status is Status.CONVERGED else [(solved.step, solved.mechanics)]
-        ended, spent = (self.status or Status.CONVERGED, self.findings), (self.history, self._solver.timings)
-        solution = solved.solution(ends, ended, spent, title)
 
         def error() -> npt.NDArray[np.float64] | str:
             """Of the body as it is now."""
@@ -205,8 +202,8 @@ class NonlinearContactProblem(ProblemOfForms):
                 return "there is no estimate of the error of an earlier solve"
             return stress_error(self._F, self.u, self._parts)
 
-        body: Any = solution.model  # its residual says all of it
-        return replace(solution, model=replace(body, stress_error=error))
+        ended = self.status or Status.CONVERGED, self.findings
+        return solved.solution(ends, ended, self._solver.timings, title, error)
 
     def _errors_in_body(self) -> tuple[Any, ...]:
         solution = self.solution
@@ -349,7 +346,7 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
         raise RuntimeError(f"{why}: ask for derivatives of the first step, before advance()")
     values = solver.u.x.array.copy()
     residual.go_to(values)
-    if not solver.stability.leads(values):
+    if not solver.leads(values):
         raise FormError([("J", "is not the derivative of F at the solution: leave it out, or mend it")])
     linear.return_to(begun)
     return linear.derivative_at_solution()

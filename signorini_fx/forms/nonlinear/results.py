@@ -40,7 +40,7 @@ from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
-from signorini_fx.records import Finding, History, Status, Timings
+from signorini_fx.records import Finding, Status, Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
@@ -87,7 +87,7 @@ class ResidualBody(SolidBody):
 
     ends: Sequence[tuple[StepResult, ResidualMechanics]]
     boundaries: Mapping[str, Facets]
-    stress_error: Callable[[], Array | str] = lambda: "there is no estimate of the error"
+    stress_error: Callable[[], Array | str]
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         return self._at(y).contact
@@ -229,11 +229,13 @@ class SolvedBody:
         self,
         ends: Sequence[tuple[StepResult, ResidualMechanics]],
         ended: tuple[Status, tuple[Finding, ...]],
-        spent: tuple[History, Timings],
+        timings: Timings,
         title: str,
+        error: Callable[[], Array | str],
     ) -> Solution:
         """It with all that results are made of; ``ends``: the load steps of a run, with what the residual says of them;
-        none: the loop is the user's own; ``ended``: how the last solve or run has ended, and findings; collective.
+        none: the loop is the user's own; ``ended``: how the last solve or run has ended, and findings; ``error``: see
+        ``ResidualBody``; collective.
         """
         steps = [step for step, _ in ends]
         names = tuple(step.name for step in steps) if any(step.name for step in steps) else ()
@@ -243,11 +245,10 @@ class SolvedBody:
         named = named_parts(linear.forms, linear.elastic.settings, ("F",))
         model = model_of(linear.elastic, named, path, title, linear.begun.law, {}, linear.rigid)
         ends = tuple(ends) or ((self.step, self.mechanics),)
-        body = ResidualBody.of(model, ends=ends, boundaries=linear.forms.boundaries)
-        (status, found), (history, timings) = ended, spent
-        outcome = linear.outcome, linear.outcome.problem.data
+        body = ResidualBody.of(model, ends=ends, boundaries=linear.forms.boundaries, stress_error=error)
+        (status, found), outcome = ended, (linear.outcome, linear.outcome.problem.data)
         solution = contact_solution(body, steps or (self.step,), linear.task, outcome, timings, lambda: found)
-        return replace(solution, status=status, algorithm=f"newton, {solution.algorithm}", history=history)
+        return replace(solution, status=status, algorithm=f"newton, {solution.algorithm}")
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Finding]:

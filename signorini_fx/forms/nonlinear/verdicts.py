@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -36,28 +36,24 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass
 class Stability:
-    """What the inertia of the tangent says of a displacement.
-
-    Attributes:
-        linear: the contact problem of the last iteration of Newton's method.
-        where: an instability that was found begins, in words.
-    """
+    """What the inertia of the tangent of the last iteration of Newton's method says of a displacement."""
 
     linear: LinearisedProblem
-    tangents: Tangents
     residual: Residual
-    where: str = ""
+    tangents: Tangents
+    _detail: str = field(default="", init=False)  # what is wrong, or where, in words; empty: nothing is known
 
-    def verdict(self) -> Status:
+    def stable(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
         if (found := self._inertia()) is None:
             return Status.STABILITY_UNKNOWN
         negative, direction = found
         if not negative:
             return Status.CONVERGED
-        self.where = self._most_moved(direction)
-        # Without an energy a symmetric part that is not definite proves nothing.
-        return Status.UNSTABLE if self.linear.symmetric else Status.STABILITY_UNKNOWN
+        if not self.linear.symmetric:  # without an energy a symmetric part that is not definite proves nothing
+            return Status.STABILITY_UNKNOWN
+        self._detail = self._most_moved(direction)
+        return Status.UNSTABLE
 
     def _inertia(self) -> tuple[int, Array] | None:
         """See ``negative_directions``, of the derivative of F at ``u``; None: it is not known; collective."""

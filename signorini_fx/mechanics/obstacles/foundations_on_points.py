@@ -447,13 +447,19 @@ class Foundations:
         """The regularised problem without shifts at the points, and its friction law; None where no law can act."""
         law = self.law(boundary, scales.modulus, [entry.law for entry in data])
         closed = [k for k, contact in enumerate(self._contact) if contact.bilateral or contact.bonded]
-        bilateral, gap = np.isin(boundary.part, closed), np.zeros(boundary.size)
+        bilateral, gap = np.isin(boundary.part, closed) & ~self.alone(boundary), np.zeros(boundary.size)
         # The gap is that of nodes, whose value averages of a linear displacement have, too.
         for k, entry in enumerate(data):
             on_part = boundary.part == k
             gap[on_part] = entry.gap[boundary.nodes[on_part]]
         points = law, bilateral, boundary.points.immovable
         return RegularisedData.unshifted(gap, self._dimension - 1, settings, scales.gamma, *points), law
+
+    def alone(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
+        """Which points do not see the other side of their pair, shape (n,): nothing holds them, without pressure or
+        with.
+        """
+        return np.zeros(boundary.size, dtype=bool)
 
     def law(
         self, boundary: ContactBoundary, modulus: float, friction: Sequence[FrictionLaw | None] | None = None
@@ -475,7 +481,8 @@ class Foundations:
             parts.append(friction_of(law, at.size))
             if self._contact[k].bonded:
                 parts[-1] = stuck(np.ones(at.size, dtype=bool))
-        return joined(parts, points).without_pressure(boundary.points.immovable)
+        together = joined(parts, points).without_pressure(boundary.points.immovable)
+        return together.without_points(self.alone(boundary))
 
 
 def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:
