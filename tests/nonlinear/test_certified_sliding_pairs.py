@@ -169,7 +169,7 @@ def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
     certificate = scene.problem.certificate
     assert max(certificate.slip_below_bound, certificate.wrong_way_slip) < 1e-9
     scene.problem.linear.slide()
-    (pair,) = scene.problem.linear.pairs.values()
+    (pair,) = scene.problem.linear.foundations.sliding.values()
     size = np.abs(scene.u.x.array).max()
     assert np.abs(pair.slip[pair.begun.partnered]).max() < 1e-14 * size
     assert scene.problem.state.in_contact.any()

@@ -27,7 +27,7 @@ from signorini_fx import (
     NonlinearContactProblem,
     Status,
 )
-from signorini_fx.forms.nonlinear.results import certified, mechanics_at
+from signorini_fx.forms.nonlinear.results import certified
 from signorini_fx.results.certificate.law_of_method import Tractions
 
 
@@ -185,8 +185,7 @@ def test_certificate_notices_what_is_wrong():
     linear, form = problem.linear, fem.form(residual(u))
 
     def judged(of=lambda tractions: tractions):
-        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
-        return certified(u, mechanics, linear, of(Tractions.of(problem.state)))
+        return certified(fem.assemble_vector(form).array, linear, tractions=of(Tractions.of(problem.state)))[0]
 
     from dataclasses import replace
 

@@ -56,7 +56,7 @@ def test_joint_rotations_do_not_matter(make, way):
     turned, problem = turned_as_a_whole(make(), way, np.pi / 4)
     assert np.linalg.norm(still) > 0.01
     assert turned == pytest.approx(still, abs=3e-6 * np.linalg.norm(still))
-    assert not problem.linear.pairs  # none slides
+    assert not problem.linear.foundations.sliding  # none slides
 
 
 @pytest.mark.one_quick

@@ -36,7 +36,7 @@ from signorini_fx import (
     Status,
     Tresca,
 )
-from signorini_fx.forms.nonlinear.results import certified, mechanics_at
+from signorini_fx.forms.nonlinear.results import certified
 from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter
 from signorini_fx.results.certificate.law_of_method import Tractions
 
@@ -98,7 +98,7 @@ def test_patch(name, slave):
     for depth in (0.1, -0.1) if pulled else (0.1, 0.3) if settings.get("degree") else (0.1, 0.4):
         force = scene.move(*[0.0] * (dim - 1), -2 * depth)
         assert scene.problem.certificate.holds
-        (pair,) = scene.problem.linear.pairs.values()
+        (pair,) = scene.problem.linear.foundations.sliding.values()
         into = -pair.coupling.gap
         # The regularised law lets both bodies overlap by a pressure over gamma.
         assert np.abs(into).max() < 1e-4
@@ -406,7 +406,7 @@ def test_nothing_acts_where_there_is_no_other_side(friction, algorithm):
     shears = []
     for way in ((0.0, 0.0), (0.0, -0.25), (0.0, -0.4), (0.0625, -0.4), (0.2, -0.4), (0.2, 0.1), (0.25, 0.1)):
         force = scene.move(*way)
-        (pair,) = scene.problem.linear.pairs.values()
+        (pair,) = scene.problem.linear.foundations.sliding.values()
         shear, sees = np.abs(scene.problem.state.shear[:, 0]), pair.coupling.frames.partnered
         assert not sees.all()
         assert np.abs(shear[~sees]).max() == 0.0
@@ -450,8 +450,7 @@ def test_the_certificate_sees_what_is_wrong():
     def judged(changed=lambda tractions: tractions, before=lambda step: step):
         linear = copy(problem.linear)
         linear.previous_step = before(linear.previous_step)
-        mechanics = mechanics_at(u, fem.assemble_vector(form).array, linear)
-        return certified(u, mechanics, linear, changed(Tractions.of(problem.state)))
+        return certified(fem.assemble_vector(form).array, linear, tractions=changed(Tractions.of(problem.state)))[0]
 
     assert judged().holds
     touching = np.flatnonzero(problem.state.in_contact)

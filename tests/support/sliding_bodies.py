@@ -252,7 +252,7 @@ def out_of_balance(scene):
     """The sum of the nodal forces of contact on both bodies, and of their moments per unit of length, over the sum of
     all forces.
     """
-    state, (pair,) = scene.problem.state, scene.problem.linear.pairs.values()
+    state, (pair,) = scene.problem.state, scene.problem.linear.foundations.sliding.values()
     rows = pair.coupling
     shear = np.einsum("ndj,nj->nd", state.boundary.tangents, state.shear)
     along = np.einsum("ndk,nd->nk", rows.frames.tangents, shear)

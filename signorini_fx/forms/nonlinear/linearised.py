@@ -25,7 +25,6 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
-from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
 from signorini_fx.forms.given_forms import conditions_of, given_forms, settings_of
@@ -58,7 +57,6 @@ from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
-from signorini_fx.results.certificate.law_of_method import Law
 from signorini_fx.results.solution import ConvergenceError
 from signorini_fx.results.step_frames import LastSolution
 from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
@@ -215,6 +213,7 @@ class LinearisedProblem(FormSolver):
     """The contact problem of one iteration.
 
     Attributes:
+        at: the displacement of now.
         extent: the diameter of the undeformed body, length.
         curvature: what the shapes add to the tangent.
         residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
@@ -242,7 +241,7 @@ class LinearisedProblem(FormSolver):
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        at = self._at = evaluated.u
+        at = self.at = evaluated.u
         increment, self._foundations_class = fem.Function(at.function_space), partial(MovingFoundations, at=at)
         forms, increment = given_forms(tangents.leading, evaluated.form, contact, increment, boundaries=boundaries)
         super().__init__(
@@ -264,22 +263,12 @@ class LinearisedProblem(FormSolver):
     @property
     def places(self) -> Array:
         """Displacements of the nodes, shape (nodes, d)."""
-        return self._at.x.array.reshape(-1, self._at.function_space.mesh.geometry.dim)
-
-    @property
-    def shapes(self) -> Mapping[int, MovingShape]:
-        """Those of foundations that have one, by their numbers."""
-        return self.foundations.moving
-
-    @property
-    def pairs(self) -> Mapping[int, MovingPair]:
-        """The sides that slide on each other by the numbers of their contacts, once a solve has begun."""
-        return self.foundations.sliding
+        return self.at.x.array.reshape(-1, self.at.function_space.mesh.geometry.dim)
 
     def slide(self) -> None:
         """Renew the maps of pairs at the displacement of now; collective."""
         numbers = [k for k, entry in enumerate(self.contact) if entry.sliding]
-        if numbers and not self.pairs:
+        if numbers and not self.foundations.sliding:
             foundations, space = self.foundations, self.space
             fixed, values = prescribed(space, conditions_of(self.bcs, space))
             owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
@@ -291,19 +280,19 @@ class LinearisedProblem(FormSolver):
             if apart := [(f"contact[{k}].bilateral", reason) for k in unseen if self.contact[k].bilateral]:
                 raise FormError(apart)
             self.foundations.sliding = pairs
-        for pair in self.pairs.values():
+        for pair in self.foundations.sliding.values():
             pair.move(self.places[: self.space.dofmap.index_map.size_local])
 
     def bend(self) -> None:
         """Give the tangent the curvature of the shapes with the tractions of the last solution; collective."""
         if (state := self._state) is None:
             return
-        hessians = hessians_at(state.boundary, self.shapes, self.places, self.extent)
+        hessians = hessians_at(state.boundary, self.foundations.moving, self.places, self.extent)
         blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.foundations.rigid_bodies, None
         if tools.bodies:
             self.relative = tools.relative_stiffness(state, blocks)
-        joint = tuple(pair.stiffness(state) for pair in self.pairs.values())
+        joint = tuple(pair.stiffness(state) for pair in self.foundations.sliding.values())
         places = self.places[: self.space.dofmap.index_map.size_local]
         for number, (_, paired) in self.foundations.undeformed.items():
             if not self.contact[number].bonded:
@@ -317,7 +306,7 @@ class LinearisedProblem(FormSolver):
         state = self._state
         begun = super().begin_step()
         boundary, tools, origin = self.boundary, self.foundations.rigid_bodies, begun.data.slip_origin
-        for number, pair in self.pairs.items():  # slips count from where their step has begun
+        for number, pair in self.foundations.sliding.items():  # slips count from where their step has begun
             rows = boundary.part == number
             origin = origin.copy()
             origin[rows] = np.einsum("nij,ni->nj", boundary.tangents[rows], pair.slip_origin)
@@ -335,7 +324,7 @@ class LinearisedProblem(FormSolver):
             slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
             slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
             turned = left_by_turning(boundary, self._hessians, way, slip)
-            origin = origin + np.where(self._sticks[:, None], turned, 0.0)
+            origin = origin + np.where(self.sticks[:, None], turned, 0.0)
         return replace(begun, data=replace(begun.data, slip_origin=origin))
 
     def _way(self) -> Array:
@@ -378,7 +367,7 @@ class LinearisedProblem(FormSolver):
         return elastic_body(self.space, tangent, self.bcs, boundary=points, **more)
 
     def _forces(self) -> Array:
-        return self.elastic.forces_where_free(self._at) - self._residual_now
+        return self.elastic.forces_where_free(self.at) - self._residual_now
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Displacements are counted from the initial position, whatever holds the body."""
@@ -394,14 +383,14 @@ class LinearisedProblem(FormSolver):
             resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driving)
             case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
         if elastic.relative is not None and driven is not None:
-            away = self._at.x.array - np.where(self.prescribed[0], values, 0.0)
+            away = self.at.x.array - np.where(self.prescribed[0], values, 0.0)
             moved = self.foundations.coordinates - np.where(self.rigid.fixed, driven.motion, 0.0)
             forces, _ = elastic.relative_forces(away, moved)
             case.load.getArray()[: forces.size] += np.where(elastic.prescribed[: forces.size], 0.0, forces)
         return case
 
     def _beside(self) -> Sequence[npt.NDArray[Any]]:
-        loads, where = np.asarray(self._evaluated.loads), [self.foundations.coordinates, self._at.x.array]
+        loads, where = np.asarray(self._evaluated.loads), [self.foundations.coordinates, self.at.x.array]
         follows = any(entry.against is not None and not entry.bonded for entry in self.contact) or self.rigid.bodies
         curvature = self.curvature.nodes, self.curvature.blocks
         return *curvature, loads, *(where if follows else ())
@@ -504,7 +493,7 @@ class LinearisedProblem(FormSolver):
         The dense matrix of a body in 3D on one rank does without them, as in 3D the contact boundary has far more nodes
         than the contact; elsewhere dense matrices are small, or none.
         """
-        state, values, dim = self._state, self._at.x.array, boundary.x.shape[1]
+        state, values, dim = self._state, self.at.x.array, boundary.x.shape[1]
         plain = boundary.averages.shares.nnz == boundary.size > 0 and boundary.moving is None and not boundary.paired
         known = state is not None and state.boundary.size == boundary.size
         iterates = self.residual is not None and not self._retains_all
@@ -512,7 +501,7 @@ class LinearisedProblem(FormSolver):
             return None
         assert state is not None
         distance, added = np.full(boundary.size, -np.inf), np.zeros(len(self.places))
-        for number, moving in self.shapes.items():
+        for number, moving in self.foundations.moving.items():
             points = np.flatnonzero(boundary.part == number)
             nodes, added[moving.nodes] = boundary.nodes[points], moving.added
             distance[points] = moving.shape.distance(boundary.x[points] + self.places[nodes])[0] + added[nodes]
@@ -530,7 +519,7 @@ class LinearisedProblem(FormSolver):
             near |= self._near
         near[distance.argmin()] = True  # a dense matrix of nothing is none
         self._near, self._last_values = near, values.copy()
-        return None if near.all() else (~near, self._at)
+        return None if near.all() else (~near, self.at)
 
     def _far_touch(self, outcome: Outcome) -> bool:
         """Whether an outcome may be another one than that of all points."""
@@ -554,7 +543,7 @@ class LinearisedProblem(FormSolver):
         newton = self.task.newton
         self.task.begin_step(begun)
         newton.pose(begun.data, sets)
-        x = self.task.system.unknowns(self.elastic.unknowns(self._at))
+        x = self.task.system.unknowns(self.elastic.unknowns(self.at))
         newton.restore((x, newton.problem.sets, newton.problem.data))
         self.show(Outcome(status, newton, begun.data), None)
 
@@ -598,7 +587,7 @@ class LinearisedProblem(FormSolver):
         # Of displacements along the normal there are none.
         slips = np.pad(turned_slips(self.boundary, self._hessians, self._way()), ((0, 0), (0, 0), (1, 0)))
         turning = curvature, slips, self.foundations.spin_at(self.boundary)
-        return self.elastic, self.task, outcome, self.begun, state, self._at, self.law_now(), turning
+        return self.elastic, self.task, outcome, self.begun, state, self.at, self.law_now(), turning
 
     def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:
         """Without drives of rigid bodies, and with the motion of shapes at contact points in the step.
@@ -606,7 +595,7 @@ class LinearisedProblem(FormSolver):
         Contact points are at the displacement of now with what supports prescribe. ``begun``: values of the
         displacement at the end of the last step; None: those of the last step here.
         """
-        kept, at = self._at.x.array.copy(), self._at.x.array
+        kept, at = self.at.x.array.copy(), self.at.x.array
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
         at[fixed] = supports[fixed]
         try:
@@ -620,7 +609,7 @@ class LinearisedProblem(FormSolver):
 
     def _forms_and_forces(self) -> tuple[list[fem.Form], Array]:
         """No form, and minus the residual at the displacement of now."""
-        if (residual := self._evaluated.at(self._at.x.array.copy())) is None:
+        if (residual := self._evaluated.at(self.at.x.array.copy())) is None:
             raise FormError([("F", "is not finite beside the solution")])
         return [], -residual
 
@@ -653,45 +642,27 @@ class LinearisedProblem(FormSolver):
 
     def state_now(self, certificate: Certificate | None, iterations: int) -> State:
         """What there is now."""
-        shapes, tools = {k: moving.shape for k, moving in self.shapes.items()}, self.foundations.coordinates
+        shapes, tools = {k: moving.shape for k, moving in self.foundations.moving.items()}, self.foundations.coordinates
         solution = self._state, self.outcome, self._solution
-        return State(self._at.x.array.copy(), *solution, certificate, iterations, shapes, tools)
+        return State(self.at.x.array.copy(), *solution, certificate, iterations, shapes, tools)
 
     def go_back(self, state: State) -> None:
         """Make an earlier solution the last one; shapes stay where they are placed, but for those that forces move;
         collective.
         """
-        self._at.x.array[:] = state.displacement
+        self.at.x.array[:] = state.displacement
         self.fields.take(self.space, state.contact)
         self._state, self.outcome, self._solution = state.contact, state.outcome, state.guess
         self.foundations.carry_to(state.tools)
         self._last_pattern = None
         self._straighten()
 
-    # --- what the certificate and the verdict on stability ask for ---
+    # --- what the verdict on stability asks for ---
 
     @property
-    def law(self) -> Law:
-        """That the last solution keeps to."""
-        assert self.outcome is not None
-        return Law(*self.task.promised(self.outcome))
-
-    @property
-    def _sticks(self) -> npt.NDArray[np.bool_]:
+    def sticks(self) -> npt.NDArray[np.bool_]:
         """Which points friction has held in the last solution, in contact or by a bound without it, shape (n,)."""
         part, state = self.state.boundary.part, self.state
         rough = np.array([entry.friction is not None or entry.bonded for entry in self.contact], dtype=bool)[part]
         acts = state.in_contact | (state.bound > 0.0)
         return np.asarray(rough & acts & (state.direction == 0.0).all(axis=1))
-
-    @property
-    def held(self) -> npt.NDArray[np.bool_]:
-        """Which relative displacements contact holds, along the normal and the tangents of each point, shape (n, d)."""
-        sticks = np.tile(self._sticks[:, None], self.state.shear.shape[1])
-        return np.column_stack((self.state.in_contact, sticks))
-
-    @property
-    def factor_fits(self) -> bool:
-        """Whether the machines have the memory for a factor of the tangent; collective."""
-        size = self.elastic.system_size()
-        return enough_memory(size.comm, factor_memory(size.unknowns, size.dimension))

@@ -124,7 +124,7 @@ class Continuation(Stepping[StepResult]):
         """Go back to where a step has begun, with its load and its shapes; collective."""
         self._apply(self.way.reached)
         for number, shape in begun.shapes.items():
-            self.solver.linear.shapes[number].shape = shape
+            self.solver.linear.foundations.moving[number].shape = shape
         self.solver.go_back(begun)
 
     def _named(self, end: float, step: StepResult) -> StepResult:

@@ -21,7 +21,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_FINITE, MatrixError
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, State
 from signorini_fx.forms.nonlinear.residual import round_off
-from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified, mechanics_at
+from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
 from signorini_fx.forms.nonlinear.verdicts import Stability, overlap, overlap_of_bodies
 from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
@@ -56,32 +56,17 @@ OF_LINEAR_BODIES = (
     Status.TOO_LARGE,
     Status.SINGULAR,
 )
-# How a solve ends that says nothing of the stiffness.
+# What smaller steps do not change.
+FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT_HELD, Status.OPEN)
+# How a solve ends that says nothing of the stiffness, beside these.
 NOT_BY_STIFFNESS = (
     Status.PASSED,
     Status.FOLDED,
     Status.AT_END,
     Status.INSIDE,
     Status.TOO_LARGE,
-    Status.NO_DIGIT,
     Status.NOT_CERTIFIED,
-    Status.NO_MEMORY,
-    Status.NOT_HELD,
-    Status.OPEN,
 )
-# What smaller steps do not change.
-FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT_HELD, Status.OPEN)
-
-
-def failure(status: Status, certificate: Certificate | None, says_no: str, detail: str) -> str:
-    """How a solve ends that has no solution, in words; ``certificate``: of its last iterate; ``says_no``: why there may
-    be no solution; ``detail``: what is wrong, or where; empty: nothing is known.
-    """
-    reason = says_no or detail
-    if not reason and certificate is not None and status in (Status.NOT_CERTIFIED, Status.NOT_SOLVED):
-        reason = f"{certificate.worst_name} {certificate.worst:.1e}"
-    ended = "deformation too large for small strains" if status is Status.TOO_LARGE else status.value
-    return ended + (f" ({reason})" if reason else "")
 
 
 @dataclass
@@ -161,7 +146,7 @@ class EquilibriumSolver(Stability):
                 status = Status.NO_DIGIT
             elif status is Status.CONVERGED and self.asks_stability:
                 status = self.stable()
-            elif final and status not in (Status.CONVERGED, *NOT_BY_STIFFNESS) and not self.without:
+            elif final and status not in (Status.CONVERGED, *FINAL, *NOT_BY_STIFFNESS) and not self.without:
                 self.without = self.reason_for_none(last.displacement, self._tried)
         except Exception:
             self.go_back(last)
@@ -169,7 +154,11 @@ class EquilibriumSolver(Stability):
         self.status, self.linear_solves = status, len(self.linear.history.iterations) - solves
         if status is Status.CONVERGED:
             return
-        self.failure = failure(status, self.certificate, self.without, self._detail)
+        reason, certificate = self.without or self._detail, self.certificate
+        if not reason and certificate is not None and status in (Status.NOT_CERTIFIED, Status.NOT_SOLVED):
+            reason = f"{certificate.worst_name} {certificate.worst:.1e}"
+        ended = "deformation too large for small strains" if status is Status.TOO_LARGE else status.value
+        self.failure = ended + (f" ({reason})" if reason else "")
         self.go_back(last)
         raise NoEquilibrium(f"{self.failure}: {status.advice}")
 
@@ -199,7 +188,7 @@ class EquilibriumSolver(Stability):
         """Make what there is now the last solution; collective."""
         assert self.certificate is not None
         self.last, self.farthest = self.snapshot(), max(self.farthest, self.certificate.displacement)
-        self.solved = SolvedBody.of(self.linear, self.u, self.certificate, self._mechanics, self.linear_solves)
+        self.solved = SolvedBody.of(self.linear, self.certificate, self._mechanics, self.linear_solves)
         self.begun = self.linear.beginning()
 
     def take_before(self, status: Status, solves: int) -> None:
@@ -210,12 +199,9 @@ class EquilibriumSolver(Stability):
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.residual.at(self.u.x.array.copy())) is None:
                 return
-            linear = self.linear
-            linear.slide()
-            linear.leave_open(status)
-            mechanics = mechanics_at(self.u, residual, linear)
-            certificate = certified(self.u, mechanics, linear)
-            self.solved = SolvedBody.of(linear, self.u, certificate, mechanics, solves, status)
+            self.linear.slide()
+            self.linear.leave_open(status)
+            self.solved = SolvedBody.of(self.linear, *certified(residual, self.linear), solves, status)
 
     def advance(self) -> None:
         """Begin the next step where the last one has ended."""
@@ -225,7 +211,7 @@ class EquilibriumSolver(Stability):
         self.linear.advance()
         self.commit()
         self.linear.slide()
-        for pair in self.linear.pairs.values():
+        for pair in self.linear.foundations.sliding.values():
             pair.settle()
 
     def snapshot(self) -> State:
@@ -305,8 +291,8 @@ class EquilibriumSolver(Stability):
     @property
     def _is_linear(self) -> bool:
         """Whether F is affine in the displacement, without a state, and contact is that of the undeformed body."""
-        linear = self.linear
-        follows = linear.shapes or linear.pairs or linear.foundations.coordinates.size
+        foundations = self.linear.foundations
+        follows = foundations.moving or foundations.sliding
         return not follows and self.residual.update is None and self.tangents.bilinear is not None
 
     def _not_solved(self, inner: Status) -> Status:
@@ -349,12 +335,11 @@ class EquilibriumSolver(Stability):
             if self._detail:
                 return status
         linear.slide()
-        for number, pair in linear.pairs.items():
+        for number, pair in foundations.sliding.items():
             if linear.contact[number].bilateral and (reached := pair.parted):
                 self._detail = reached
                 return Status.AT_END
-        mechanics = self._mechanics = mechanics_at(self.u, residual, linear, round_off(self.residual, residual))
-        self.certificate = certified(self.u, mechanics, linear)
+        self.certificate, self._mechanics = certified(residual, linear, round_off(self.residual, residual))
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
 

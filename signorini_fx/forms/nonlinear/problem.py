@@ -179,7 +179,7 @@ class NonlinearContactProblem(ProblemOfForms):
             boundaries,
             **settings,
         )
-        self.shapes, fields = self.linear.shapes, self.linear.fields
+        self.shapes, fields = self.linear.foundations.moving, self.linear.fields
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         actions = commit or (lambda: None), max_newton, stability
         self._solver = self._ended = EquilibriumSolver(self.linear, residual, tangents, *actions)

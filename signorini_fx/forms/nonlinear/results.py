@@ -46,7 +46,7 @@ from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
-from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 from signorini_fx.results.certificate.pair_points import PairPoints
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.resultants import ActingForces
@@ -108,13 +108,14 @@ class ResidualBody(SolidBody):
         return next((end for load_step, end in self.ends if load_step.displacement is y), self.ends[-1][1])
 
 
-def mechanics_at(
-    u: fem.Function, residual: Array, linear: LinearisedProblem, lost: Array | None = None
-) -> ResidualMechanics:
-    """The forces on a body and its contact at a displacement, where F is ``residual`` and its round-off ``lost``,
-    None: not known, forces at the owned unknowns; ``linear``: of the last iteration; collective.
+def certified(
+    residual: Array, linear: LinearisedProblem, lost: Array | None = None, tractions: Tractions | None = None
+) -> tuple[Certificate, ResidualMechanics]:
+    """The certificate of the displacement of now, where F is ``residual`` and its round-off ``lost``, None: not known,
+    forces at the owned unknowns, and what it is of; ``linear``: of the last iteration; ``tractions``: None: those of
+    the solver; collective.
     """
-    space, scales = u.function_space, linear.scales
+    u, space, scales = linear.at, linear.space, linear.scales
     fixed, values = prescribed(space, conditions_of(linear.bcs, space))
     forces = residual.reshape(-1, space.mesh.geometry.dim)
     nothing = np.zeros_like(forces)
@@ -128,45 +129,10 @@ def mechanics_at(
         nothing,
         lost=nothing if lost is None else lost.reshape(forces.shape),
         with_loads=True,
-        displaced=bool(linear.shapes or linear.pairs),
+        displaced=bool(linear.foundations.moving or linear.foundations.sliding),
     )
-    return ResidualMechanics(balance, conditions_at(u, linear, fixed, values) if linear.contact else None, fixed)
-
-
-def conditions_at(
-    u: fem.Function, linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values: Array
-) -> ContactConditions:
-    """What holds at the contact points where a displacement has taken them: distances and normals of shapes, and the
-    maps of pairs; ``fixed``: which dofs are prescribed, and to what, shapes (dofs,); collective.
-    """
-    linear.slide()
-    data, foundations = [*linear.data], linear.foundations
-    places = u.x.array.reshape(-1, u.function_space.mesh.geometry.dim)
-    for number, moving in linear.shapes.items():
-        gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
-        gap[moving.nodes], along[moving.nodes] = moving.projected(linear=False)
-        gap[moving.nodes] += moving.added
-        data[number] = replace(data[number], gap=gap, shape=replace(data[number].shape, direction=along))
-    for number in linear.pairs:  # their distance is that of the map
-        allowance = data[number].allowance
-        assert allowance is not None
-        data[number] = replace(data[number], gap=allowance)
-    boundary = linear.points([entry.shape for entry in data], fixed, values)
-    regularised, law = foundations.problem(boundary, data, Settings.of(linear.settings), linear.scales)
-    both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **linear.pairs}
-    pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
-    return ContactConditions(boundary, regularised.gap, law, regularised.bilateral, pairs)
-
-
-def certified(
-    u: fem.Function, mechanics: ResidualMechanics, linear: LinearisedProblem, tractions: Tractions | None = None
-) -> Certificate:
-    """Check equilibrium and contact conditions at a displacement; ``linear``: of the last iteration; ``tractions``:
-    None: those of the solver; collective.
-    """
+    contact = _conditions(linear, fixed, values) if linear.contact else None
     tools, before = linear.foundations.rigid_bodies, linear.previous_step
-    tractions = tractions or Tractions.of(linear.state)
-    rigid = [*zip(tools.motions, tools.drives(), strict=True)]
     if before is not None:
         boundary, moved = linear.state.boundary, linear.moved(linear.state.boundary)
         signed = [(tool, -1.0) for tool in tools.motions] + [(tool, 1.0) for tool in before.rigid]
@@ -174,7 +140,31 @@ def certified(
             touching = np.isin(boundary.part, tool.body.parts)
             moved[touching] += sign * tool.at(boundary.x[touching])
         before = replace(before, moved=moved)
-    return judged(u, mechanics.forces, mechanics.contact, tractions, law=linear.law, before=before, rigid=rigid)
+    rigid, tractions = [*zip(tools.motions, tools.drives(), strict=True)], tractions or Tractions.of(linear.state)
+    assert linear.outcome is not None
+    law = Law(*linear.task.promised(linear.outcome))
+    certificate = judged(u, balance, contact, tractions, law=law, before=before, rigid=rigid)
+    return certificate, ResidualMechanics(balance, contact, fixed)
+
+
+def _conditions(linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values: Array) -> ContactConditions:
+    """What holds at the contact points: distances and normals of shapes, and the maps of pairs, at displaced points."""
+    linear.slide()
+    data, foundations, places = [*linear.data], linear.foundations, linear.places
+    for number, moving in foundations.moving.items():
+        gap, along = np.full(len(places), np.nan), np.full(places.shape, np.nan)
+        gap[moving.nodes], along[moving.nodes] = moving.projected(linear=False)
+        gap[moving.nodes] += moving.added
+        data[number] = replace(data[number], gap=gap, shape=replace(data[number].shape, direction=along))
+    for number in foundations.sliding:  # their distance is that of the map
+        allowance = data[number].allowance
+        assert allowance is not None
+        data[number] = replace(data[number], gap=allowance)
+    boundary = linear.points([entry.shape for entry in data], fixed, values)
+    regularised, law = foundations.problem(boundary, data, Settings.of(linear.settings), linear.scales)
+    both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}
+    pairs = {number: PairPoints.of(pair) for number, pair in both.items()}
+    return ContactConditions(boundary, regularised.gap, law, regularised.bilateral, pairs)
 
 
 @dataclass(frozen=True)
@@ -195,19 +185,18 @@ class SolvedBody:
     def of(
         cls,
         linear: LinearisedProblem,
-        u: fem.Function,
         certificate: Certificate,
         mechanics: ResidualMechanics,
         solves: int,
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
         """What there is after a solve, with its linear solves and how it has ended; collective."""
-        shapes, solved = linear.shapes, copy(linear)
+        shapes, solved = linear.foundations.moving, copy(linear)
         placed: Any = [
             replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(linear.contact)
         ]
         solved.forms = replace(linear.forms, contact=tuple(placed))
-        number, y = linear.begun.step, u.copy()
+        number, u, y = linear.begun.step, linear.at, linear.at.copy()
         y.name = u.name
         step = StepResult(
             step=number + 1,

@@ -16,6 +16,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 from scipy.spatial import cKDTree
 
+from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, MovingFoundations, State
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
@@ -57,7 +58,9 @@ class Stability:
 
     def _inertia(self) -> tuple[int, Array] | None:
         """See ``negative_directions``, of the derivative of F at ``u``; None: it is not known; collective."""
-        if not self.linear.factor_fits or (tangent := self._derivative()) is None:
+        size = self.linear.elastic.system_size()
+        fits = enough_memory(size.comm, factor_memory(size.unknowns, size.dimension))
+        if not fits or (tangent := self._derivative()) is None:
             return None
         self.linear.bend()
         return self._negative(tangent)
@@ -123,8 +126,9 @@ class Stability:
         )
         matrix, rows = body.stiffness, body.contact.operator
         if linear.contact:
-            springs, held = turning_of(linear.state, linear.scales.size), linear.held
-            components = np.arange(held.shape[1])
+            state, components = linear.state, np.arange(space.mesh.geometry.dim)
+            springs, sticks = turning_of(state, linear.scales.size), np.tile(linear.sticks, (components.size - 1, 1)).T
+            held = np.column_stack((state.in_contact, sticks))
             springs[:, components, components] += HOLDING_STIFFNESS * largest * held
             acts = np.flatnonzero(springs.any(axis=(1, 2)))
             kept = (held.shape[1] * acts[:, None] + components).ravel() + rows.getOwnershipRange()[0]
