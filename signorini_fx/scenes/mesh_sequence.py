@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 from math import log2
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -108,7 +108,8 @@ class MeshedScene(MeshedProblem):
         dim, first, made = last.dimension, with_cells_alike(self.plan.scene), list[TaggedMesh]()
         parts = [last.cells(body.name) for body in first.body] or [np.arange(len(lengths), dtype=np.int32)]
         for number, of_part in enumerate(size_fields(last, lengths, parts, finer)):
-            table, field = first.mesh, of_part
+            table: Any = first.mesh
+            field = of_part
             if first.body:
                 body, table = first.body[number], first.body[number].mesh
                 pivot, shift = (np.array(vector or (0.0,) * dim) for vector in (body.pivot, body.shift))
