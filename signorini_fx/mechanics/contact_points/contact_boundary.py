@@ -316,23 +316,17 @@ def contact_map(
     y = Q x, None: they are x; ``behind``: how many unknowns, which no point reaches, stand behind those of foundations
     that move; collective.
     """
-    (columns, _), _ = (matrix if rotation is None else rotation).getSizes()
+    columns, total = (matrix if rotation is None else rotation).getSizes()[0]
     if boundary is None:
         return ContactMap.without_contact(matrix, fixed, dimension)
     count, dim = boundary.size, dimension
     blocks = sp.bsr_array(boundary.averages.operator, blocksize=(dim, dim))
-    sizes = np.diff(blocks.indptr)
-    point, nodes = np.repeat(np.arange(count), sizes), boundary.averages.nodes[blocks.indices]
-    values = boundary.frames.transpose(0, 2, 1)[point] @ blocks.data
-    row_entries = dim * int(sizes.max(initial=1))
-    room: Any = (min(row_entries, columns), row_entries)
-    operator = PETSc.Mat().createAIJ(((count * dim, None), (columns, None)), nnz=room, comm=matrix.comm)
-    if point.size:
-        rows = operator.getOwnershipRange()[0] + dim * point[:, None] + np.arange(dim)
-        unknowns = dim * nodes[:, None] + np.arange(dim)
-        values = np.ascontiguousarray(values)
-        operator.setValuesRCV(rows.astype(PETSc.IntType), unknowns.astype(PETSc.IntType), values, addv=True)
-    operator.assemble()
+    values = boundary.frames.transpose(0, 2, 1)[np.repeat(np.arange(count), np.diff(blocks.indptr))] @ blocks.data
+    at_nodes = values, boundary.averages.nodes[blocks.indices], blocks.indptr
+    csr = sp.csr_array(sp.bsr_array(at_nodes, shape=(dim * count, dim * (total // dim))))
+    csr.sum_duplicates()
+    entries = csr.indptr.astype(PETSc.IntType), csr.indices.astype(PETSc.IntType), csr.data
+    operator = PETSc.Mat().createAIJ(((dim * count, None), (columns, None)), csr=entries, comm=matrix.comm)
     mapping = ContactMap(operator, boundary.points, fixed, _lift(boundary, operator), boundary.paired)
     if rotation is None:
         return mapping

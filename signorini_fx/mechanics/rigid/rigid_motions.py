@@ -293,7 +293,7 @@ def _null_space(
 ) -> tuple[_Floats, npt.NDArray[np.int64]]:
     """The motions of each piece that kinematics and supports allow, and the number of their piece."""
     count, each, dim = motions.pieces.count, motions.each, motions.x.shape[1]
-    ways = np.tile(np.eye(each), (count, 1, 1))
+    ways: Any = np.tile(np.eye(each), (count, 1, 1))
     if not kinematics.unbalanced.all():  # these are about the origin, those of pieces about their middles
         ways[:, :dim] = rigid_modes(motions.centre, np.zeros(dim), motions.length)
         ways = ways[:, :, kinematics.unbalanced]
