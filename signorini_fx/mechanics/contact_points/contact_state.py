@@ -78,8 +78,8 @@ class ContactState(PointState):
         boundary, along = self.boundary, self.displaced(self.u_t)
         sums = np.zeros((len(self.forces_of_each), along.shape[1] + 1))
         np.add.at(sums, boundary.part, boundary.weight[:, None] * np.column_stack((along, np.ones(len(along)))))
-        sums = parallel.global_sum(boundary.comm, sums)
-        means = [mean[:-1] / mean[-1] for mean in (sums.sum(axis=0), *sums)]
+        total = parallel.global_sum(boundary.comm, sums)
+        means = [mean[:-1] / mean[-1] for mean in (total.sum(axis=0), *total)]
         return [float(mean[0]) if mean.size == 1 else mean for mean in means]
 
     def tangential(self, vectors: Nodal) -> Nodal:
