@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain, pairwise
+from itertools import accumulate, chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -187,8 +187,8 @@ def _chains(
     A piece starts at its end with the smallest coordinates; pieces are ordered by part and start.  So the table does
     not depend on the numbering of nodes and the number of ranks.  Nodes of segments that are no points are left out.
     """
-    keys = [*zip(numbers[:, 0].tolist(), *_in_line(x).T.tolist(), strict=True)]
-    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(numbers)}
+    keys: Any = [*zip(numbers.T[0], *_in_line(x).T, strict=True)]
+    row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
     neighbours: list[list[int]] = [[] for _ in keys]
     for part, *nodes in segments:
         path = [row_of[number] for node in nodes if (number := (int(part), int(node))) in row_of]
@@ -206,8 +206,8 @@ def _chains(
         paths += [path] if path else []
     paths.sort(key=lambda path: keys[path[0]])
     closed = [len(path) > 2 and path[0] in neighbours[path[-1]] for path in paths]
-    limits = np.cumsum([0, *map(len, paths)]).tolist()
-    return [*map(range, limits, limits[1:])], np.array([*chain(*paths)], dtype=np.int64), closed
+    limits = pairwise(accumulate(map(len, paths), initial=0))
+    return [range(a, b) for a, b in limits], np.array([*chain(*paths)], dtype=np.int64), closed
 
 
 def _rows_of(numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -313,7 +314,8 @@ class Foundations:
             if shape.axes is not None:
                 axes = shape.axes.at(part.nodes)
                 part = replace(part, friction_axes=axes)
-                axes.check(part.normal, lambda part=part: part.points.movable, f"contact[{k}].friction", part.comm)
+                movable = partial(attrgetter("points.movable"), part)
+                axes.check(part.normal, movable, f"contact[{k}].friction", part.comm)
             parts.append(part)
         return join(parts) if parts else no_points(self._space)
 
