@@ -37,11 +37,9 @@ def with_rigid_bodies(
     """
     ones = np.ones(np.count_nonzero(free))
     all_free, springs = ones.astype(bool), stiffness[free]
-    bordered = tuple(
-        _bordered(matrix, all_free if level else free, ones) for level, matrix in enumerate(interpolations)
-    )
+    bordered = tuple(bordered(matrix, all_free if level else free, ones) for level, matrix in enumerate(interpolations))
     levels = tuple(
-        _bordered(matrix, all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
+        bordered(matrix, all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
         for matrix in coarse
     )
     for level in levels:
@@ -49,7 +47,7 @@ def with_rigid_bodies(
     return bordered, levels
 
 
-def _bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]) -> PETSc.Mat:
+def bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]) -> PETSc.Mat:
     """[A 0; 0 D] with a row more for each unknown of a rigid body and a column for each free one; collective."""
     (rows, _), (columns, total_columns) = matrix.getSizes()
     starts, names, values = matrix.getValuesCSR()

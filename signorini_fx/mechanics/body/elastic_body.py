@@ -25,6 +25,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import FreeMotions, ReferenceMotion
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem, FarPoints, LoadCase, petsc_options, row_by_row
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_kind, choose_system
+from signorini_fx.algebra.linalg.rigid_unknowns import bordered
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in
@@ -38,7 +39,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.elasticity.elastic_law import embedding
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
-from signorini_fx.mechanics.rigid.rigid_bodies import Driven, with_more_unknowns
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.mechanics.rigid.rigid_motions import (
     RigidMotions,
     nearest_motion,
@@ -208,7 +209,7 @@ class ElasticBody:
         turning = rotation
         if boundary is not None and boundary.moving is not None:
             of_body, springs = stiffness, boundary.moving.stiffness[: self._rigid]
-            stiffness = with_more_unknowns(of_body, springs)
+            stiffness = bordered(of_body, np.ones(springs.size, dtype=bool), springs)
             rotation = embedding(rotation, of_body, stiffness)
             if self.relative is not None:
                 self._add_relative(stiffness)

@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, MovingFoundation
@@ -249,16 +248,3 @@ def turn_of(turn: _Floats) -> _Floats:
     """The matrix of a rotation vector in radians, in 2D of an angle, shape (d, d)."""
     degrees = [float(angle) for angle in np.degrees(turn)]
     return turning(tuple(degrees), 3) if turn.size == 3 else turning(degrees[0], 2)
-
-
-def with_more_unknowns(matrix: PETSc.Mat, diagonal: _Floats) -> PETSc.Mat:
-    """[A 0; 0 S] with the entries of S for the unknowns that this rank adds, zeros too in its pattern."""
-    (rows, _), (_, total_columns) = matrix.getSizes()
-    starts, columns, values = matrix.getValuesCSR()
-    extra = diagonal.size
-    csr = (
-        np.append(starts, starts[-1] + np.arange(1, extra + 1)).astype(PETSc.IntType),
-        np.append(columns, total_columns + np.arange(extra)).astype(PETSc.IntType),
-        np.append(values, diagonal),
-    )
-    return PETSc.Mat().createAIJ(((rows + extra, None), (rows + extra, None)), csr=csr, comm=matrix.comm)
