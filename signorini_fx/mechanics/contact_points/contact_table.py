@@ -83,27 +83,20 @@ class ContactTable:
         rows = np.concatenate((path[:-1], path[:-1], path))
         return rows, np.concatenate((s[:-1] - s[-1], s[:-1], s + s[-1])), slice(count, 2 * count)
 
-    def runs(self, mask: npt.NDArray[np.bool_]) -> list[tuple[npt.NDArray[np.int64], int, int]]:
-        """Runs of neighbouring rows where ``mask`` holds: the path that each is on, its first and its last row.
+    def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
+        """Runs of neighbouring nodes where ``mask`` holds, each as [first point, last point].
 
         A run across the first row of a closed piece is one; one all around goes from the first row to the last.
         """
-        runs = []
+        places, zones = np.column_stack((self.columns["x"], self.columns["y"])), []
         for path in self.paths:
             rows = path[:-1] if is_closed(path) else path
-            inside = mask[rows].astype(np.int64)
-            enters = np.diff(inside, prepend=0, append=0)
-            starts, stops = np.flatnonzero(enters == 1), np.flatnonzero(enters == -1)
-            first, last = rows[starts], rows[stops - 1]
-            if is_closed(path) and len(first) > 1 and inside[0] and inside[-1]:
+            enters = np.diff(mask[rows].astype(np.int64), prepend=0, append=0)
+            first, last = rows[np.flatnonzero(enters == 1)], rows[np.flatnonzero(enters == -1) - 1]
+            if is_closed(path) and len(first) > 1 and mask[rows[0]] and mask[rows[-1]]:
                 first, last = first[1:], np.append(last[1:-1], last[0])
-            runs += [(path, int(a), int(b)) for a, b in zip(first, last, strict=True)]
-        return runs
-
-    def zones(self, mask: npt.NDArray[np.bool_]) -> list[list[list[float]]]:
-        """The ``runs`` of neighbouring nodes where ``mask`` holds, each as [first point, last point]."""
-        x, y = self.columns["x"], self.columns["y"]
-        return [[[float(x[row]), float(y[row])] for row in ends] for _, *ends in self.runs(mask)]
+            zones += [[places[start].tolist(), places[end].tolist()] for start, end in zip(first, last, strict=True)]
+        return zones
 
 
 def is_closed(path: npt.NDArray[np.int64]) -> bool:

@@ -165,7 +165,10 @@ def judged(
     scales, stiffest = balance.of_pieces(pieces)
     # Of the initial strains it is not known which piece they strain.
     halves = works[:, 0] / 2 if balance.dilation is None or strain_energy == half else np.full(pieces.count, strained)
-    mean = np.maximum(scales.stress(np.maximum(halves, 0.0)), balance.reaction_stress(pieces))
+    mean = scales.stress(np.maximum(halves, 0.0))
+    if balance.with_loads:  # then their work tells of no stress without contact: what supports feel does
+        held = np.linalg.norm(balance.internal - supports.left(balance.internal), axis=1)
+        mean = np.maximum(mean, pieces.works(held[:, None])[:, 0] / scales.surface)
     far = pieces.largest(np.linalg.norm(y, axis=1))
     deformed = pieces.largest_beside(y)
     length = np.maximum(deformed, NO_FORCE * far.max())

@@ -65,15 +65,6 @@ class Balance:
         energy = internal / 2 + prevented
         return max(0.0, energy if energy > SAME_NUMBER * abs(internal / 2) or prevented == 0.0 else 0.0)
 
-    def reaction_stress(self, pieces: RigidPart) -> Nodal:
-        """The stress that the supports of each piece feel, over its surface, where ``internal`` has the loads: then its
-        work tells of no stress without contact; shape (pieces,).
-        """
-        if not self.with_loads:
-            return np.zeros(pieces.count)
-        held = np.linalg.norm(self.internal - self.supports.left(self.internal), axis=1)
-        return np.asarray(pieces.works(held[:, None])[:, 0] / self.of_pieces(pieces)[0].surface)
-
     def of_pieces(self, pieces: RigidPart) -> tuple[Scales, Scales]:
         """``scales`` and ``stiffest`` of all pieces."""
         size = pieces.size if pieces.count > 1 else np.array([self.scales.size])
