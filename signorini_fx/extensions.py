@@ -119,18 +119,10 @@ def add_on(name: str) -> Any:
 
 @cache
 def _installed(group: str, _path: tuple[str, ...]) -> dict[str, Any]:
-    """To look through all packages on the path of Python takes milliseconds, once."""
-    return _of_checkout(group) | {entry.name: entry for entry in entry_points(group=group)}
-
-
-def _of_checkout(group: str) -> dict[str, EntryPoint]:
-    """Those of this package where it is not installed."""
-    return {name: EntryPoint(name, value, group) for name, value in _stated_in_checkout().get(group, {}).items()}
-
-
-@cache
-def _stated_in_checkout() -> dict[str, dict[str, str]]:
-    if not _CHECKOUT.is_file():
-        return {}
-    groups: dict[str, dict[str, str]] = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8"))["project"]["entry-points"]
-    return groups
+    """To look through all packages on the path of Python takes milliseconds, once; those of this package also where it
+    is not installed.
+    """
+    stated = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8")) if _CHECKOUT.is_file() else {}
+    own: dict[str, str] = stated.get("project", {}).get("entry-points", {}).get(group, {})
+    entries = [*(EntryPoint(name, value, group) for name, value in own.items()), *entry_points(group=group)]
+    return {entry.name: entry for entry in entries}

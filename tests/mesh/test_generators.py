@@ -379,7 +379,7 @@ def test_generator_of_another_package(installed):
     assert columns["y"].max() == pytest.approx(0.1)
     assert (columns["state"] != "open").any()
     assert simplex_parameters("wavy", {}) is None
-    for parameters, told in (({"depth": 2}, "less than 1"), ({"length": -1.0}, "positive"), ({"n": 1}, "nx, ny")):
+    for parameters, told in (({"depth": 2}, "less than 1"), ({"length": -1.0}, "greater than 0"), ({"n": 1}, "nx, ny")):
         with pytest.raises(SceneError, match=told):
             alone(wavy(parameters))
 

@@ -61,6 +61,7 @@ class FrictionLaw(Table):
     follows_pressure: ClassVar[bool] = True
     # Whether the bound grows with the pressure, ever less: then it is below its tangent at zero and its limit.
     concave: ClassVar[bool] = False
+    error: ClassVar[type[SceneError]] = FormError
     # Keys that are no parameters.
     apart: ClassVar[tuple[str, ...]] = ("law",)
 
@@ -122,10 +123,6 @@ class FrictionLaw(Table):
         """In Python its parameters may be given in their order."""
         super().__pydantic_init_subclass__(**options)
         cls.positional = tuple(key for key in cls.model_fields if key != "law")
-
-    @classmethod
-    def refusal(cls, problems: list[tuple[str, str]]) -> SceneError:
-        return FormError(problems, cls.__name__)
 
     @property
     def parameters(self) -> dict[str, Any]:

@@ -233,12 +233,11 @@ def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets
 
 
 class LoadGroup(NamedTuple):
-    """What loads have in common that are assembled into one vector, see ``AppliedLoad``; ``timed``: whether they depend
-    on the time.
+    """What loads have in common that are assembled into one vector, see ``AppliedLoad``; ``factors``: None of those
+    that depend on the time (``timed``) and have none.
     """
 
-    factors: tuple[float, ...]
-    grows: bool
+    factors: tuple[float, ...] | None
     timed: bool
     balanced: bool
 
@@ -254,8 +253,8 @@ def load_groups(statement: Statement) -> dict[LoadGroup, list[Load]]:
 
 def group_of(statement: Statement, load: Load) -> LoadGroup:
     """The key of a load in ``load_groups``."""
-    grows = not load.timed or load.factors is not None
-    return LoadGroup(statement.factors_of(load), grows, load.timed, isinstance(load, InitialStrain))
+    factors = load.factors if load.timed else statement.factors_of(load)
+    return LoadGroup(factors, load.timed, isinstance(load, InitialStrain))
 
 
 # From a time, to prescribed displacements and supports along no axis with their values.
@@ -275,10 +274,9 @@ def applied_load(
     ``z``: the test function of L; ``compiled``: the forms of an earlier place, None if they are to be compiled;
     collective.
     """
-    factors, grows, timed, balanced = group
+    factors, timed, balanced = group
     space = on.space
     on.move_to(step)
-    at_step = {id(load): on.statement.now(load, step)[1] for load in loads if isinstance(load, Force)}
     forms = compile_loads(loads, on, z) if compiled is None else compiled
     prescribed = fem.Function(space)
     axes, turned = supports(step)
@@ -296,11 +294,11 @@ def applied_load(
     )
     for load in loads:
         if load.nodal:
-            forces = forces + forces_at_nodes(at_step[id(load)], on.path(load), space, on.tagged)
+            forces = forces + forces_at_nodes(on.statement.now(load, step)[1], on.path(load), space, on.tagged)
     # No function that refers to itself: such a cycle keeps the mesh until the garbage collector comes.
     reassemble = partial(applied_load, group, loads, on, z, supports, forms) if timed else None
     return AppliedLoad(
-        _factor(factors, grows=grows),
+        _factor(factors),
         forms,
         forces,
         prescribed,
@@ -310,9 +308,9 @@ def applied_load(
     )
 
 
-def _factor(factors: tuple[float, ...], *, grows: bool) -> Callable[[float], float]:
+def _factor(factors: tuple[float, ...] | None) -> Callable[[float], float]:
     """``AppliedLoad.factor``; what does not grow in a ramp from nothing is there at once."""
-    return partial(factor_at, factors) if grows else lambda step: 1.0
+    return (lambda step: 1.0) if factors is None else partial(factor_at, factors)
 
 
 def driving_load(
@@ -321,7 +319,7 @@ def driving_load(
     """What drives one of the rigid bodies, at the time of a place in the lists of factors; collective."""
     timed = rigid.bodies[number].motion.driven_in_time
     return AppliedLoad(
-        _factor((1.0,) * statement.steps, grows=not timed),
+        _factor(None if timed else (1.0,) * statement.steps),
         (),
         np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs),
         fem.Function(space),

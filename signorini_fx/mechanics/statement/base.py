@@ -33,7 +33,7 @@ class _OwnErrors(_ModelMetaclass):
         try:
             return super().__call__(**named, **data)
         except ValidationError as error:
-            raise table.refusal(problems_of(error, named | data, table)) from None
+            raise table.error(problems_of(error, named | data, table), cls.__name__) from None
 
 
 class Table(BaseModel, metaclass=_OwnErrors):
@@ -41,13 +41,9 @@ class Table(BaseModel, metaclass=_OwnErrors):
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
-    # Keys that Python may give without their names, in this order.
+    # Keys that Python may give without their names, in this order; and the error of a table that Python makes.
     positional: ClassVar[tuple[str, ...]] = ()
-
-    @classmethod
-    def refusal(cls, problems: list[tuple[str, str]]) -> SceneError:
-        """The error of a table that Python has made, from the paths of wrong keys and what is wrong."""
-        return SceneError(problems, cls.__name__)
+    error: ClassVar[type[SceneError]] = SceneError
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:

@@ -8,29 +8,18 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
-
-from pydantic import AfterValidator
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
-from signorini_fx.tuned import BYTES_PER_DOF, LARGEST_NUMBER
+from signorini_fx.mechanics.statement.values import Positive
+from signorini_fx.tuned import BYTES_PER_DOF
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def _length(length: float) -> float:
-    if not 1 / LARGEST_NUMBER < length < LARGEST_NUMBER:
-        raise ValueError(
-            f"a positive length between {1 / LARGEST_NUMBER:g} and {LARGEST_NUMBER:g} is expected, got {length:g}"
-        )
-    return length
-
-
-Length = Annotated[float, AfterValidator(_length)]
-
-
+Length = Positive
 GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
 Generate = TypeVar("Generate", bound=Callable[..., Any])
 

@@ -192,10 +192,9 @@ class Statement:
 
         What depends on the time and has no factors does not grow with the other loads of a ramp.
         """
-        if not effect.timed:
-            return factor_at(self.factors_of(effect), step), effect
-        factors = getattr(effect, "factors", None)
-        return 1.0 if factors is None else factor_at(factors, step), effect.at_time(self.time_at(step))
+        constant = effect.timed and getattr(effect, "factors", None) is None
+        factor = 1.0 if constant else factor_at(self.factors_of(effect), step)
+        return factor, effect.at_time(self.time_at(step))
 
     def placed(self, step: float) -> Self:
         """The same with foundations, friction and supports of a place in the lists of factors; itself if these are
@@ -203,12 +202,11 @@ class Statement:
         """
         changed: dict[str, tuple[Any, ...]] = {}
         if any(effect.timed for effect in self.contact):
-            changed["contact"] = tuple(contact.at_time(self.time_at(step)) for contact in self.contact)
-        if step == -1 and "contact" in changed:  # where no load step ends, nothing asks for friction, as 0.1/t
-            first = self.time_at(0)
+            # Where no load step ends nothing asks for friction, such as 0.1/t.
+            time, of_friction = self.time_at(step), self.time_at(0 if step == -1 else step)
             changed["contact"] = tuple(
-                contact.model_copy(update={"friction": contact.friction.at_time(first)})
-                for contact in changed["contact"]
+                contact.at_time(time).model_copy(update={"friction": contact.friction.at_time(of_friction)})
+                for contact in self.contact
             )
         supports = tuple(entry.in_step(step) for entry in self.displacement)
         if any(entry is not earlier for entry, earlier in zip(supports, self.displacement, strict=True)):
