@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from signorini_fx.mechanics.laws.directed import DirectedLaw, Ratio, VectorField
+from signorini_fx.mechanics.laws.directed import DirectedLaw
 from signorini_fx.mechanics.laws.protocol import Array, Envelope, FrictionLaw, Parameter, acting
 
 
@@ -34,15 +34,11 @@ class Tresca(DirectedLaw):
     Attributes:
         law: its name.
         bound: largest shear, stress.
-        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
-        along: a vector, whose part in the tangent plane counts; None: along x[0].
     """
 
     follows_pressure: ClassVar[bool] = False
     law: Literal["tresca"] = "tresca"
     bound: Parameter
-    ratio: Ratio | None = None
-    along: VectorField | None = None
 
     def limit(self, pressure: Array) -> Array:
         return np.asarray(self.bound + 0.0 * pressure)
@@ -60,16 +56,12 @@ class Coulomb(DirectedLaw):
         coefficient: F, without unit.
         cap: largest shear that the contact can transmit, stress; None: no such limit.
         cohesion: shear that it transmits without pressure, stress, until it opens; None: none.
-        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
-        along: a vector, whose part in the tangent plane counts; None: along x[0].
     """
 
     law: Literal["coulomb"] = "coulomb"
     coefficient: Parameter
     cap: Parameter | None = None
     cohesion: Parameter | None = None
-    ratio: Ratio | None = None
-    along: VectorField | None = None
 
     def limit(self, pressure: Array) -> Array:
         bound = (0.0 if self.cohesion is None else self.cohesion) + self.coefficient * pressure

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, WrapValidator, model_validator
@@ -100,13 +100,18 @@ class FrictionAxes:
 
 
 class DirectedLaw(FrictionLaw):
-    """A law that may depend on the direction, in 3D, by its keys ``ratio`` and ``along``."""
+    """A law that may depend on the direction, in 3D.
+
+    Attributes:
+        law: its name.
+        ratio: that of the friction across ``along`` to the friction along it; None: it is the same in all directions.
+        along: a vector, whose part in the tangent plane counts; None: along x[0].
+    """
 
     apart: ClassVar[tuple[str, ...]] = ("law", "ratio", "along")
 
-    if TYPE_CHECKING:  # those who derive from it declare them last
-        ratio: Ratio | None
-        along: VectorField | None
+    ratio: Ratio | None = None
+    along: VectorField | None = None
 
     @model_validator(mode="after")
     def _both(self) -> Self:

@@ -120,9 +120,9 @@ class FrictionLaw(Table):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
-        """In Python its parameters may be given in their order."""
+        """In Python its parameters may be given in their order, before the other keys."""
         super().__pydantic_init_subclass__(**options)
-        cls.positional = tuple(key for key in cls.model_fields if key != "law")
+        cls.positional = tuple(key for key in sorted(cls.model_fields, key=cls.apart.__contains__) if key != "law")
 
     @property
     def parameters(self) -> dict[str, Any]:

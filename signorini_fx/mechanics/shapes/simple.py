@@ -62,12 +62,7 @@ class Ball(Shape):
 
 
 class Circle(Ball):
-    """A circle in 2D: a cylinder across it.
-
-    Attributes:
-        centre: its centre, length.
-        radius: length.
-    """
+    """A circle in 2D: a cylinder across it."""
 
     exists_in = (2,)
 
@@ -75,12 +70,7 @@ class Circle(Ball):
 
 
 class Sphere(Ball):
-    """A sphere.
-
-    Attributes:
-        centre: its centre, length.
-        radius: length.
-    """
+    """A sphere."""
 
     exists_in = (3,)
 
