@@ -56,10 +56,8 @@ INSTEAD: dict[str, str] = {
 
 
 def removal(name: str) -> str:
-    """What to say of a name that is not known, such as ``was removed: use 'alm'``; "": it has never been there.
-
-    Args:
-        name: see ``INSTEAD``.  A path may begin below the top of the scene, as that of a table made in Python does.
+    """What to say of a key that is not known, such as ``was removed: use 'alm'``; "": it has never been there.  A path
+    may begin below the top of the scene, as that of a table made in Python does.
     """
     path = re.sub(r"\[\d+\]", "", name)
     for removed, instead in INSTEAD.items():

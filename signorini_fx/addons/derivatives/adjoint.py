@@ -103,14 +103,8 @@ def linearised(
     exact: bool,
     before: Nodal | None = None,
 ) -> LinearisedLaw:
-    """The law at a solution; collective.
-
-    Args:
-        state: the contact points.
-        law: of friction; None: there is none.
-        gamma: (gamma_1, gamma_2), stress per length; those of the regularisation unless ``exact``.
-        exact: whether there is no regularisation.
-        before: the shear at the beginning of the load step, stress, shape (n, d - 1); None: zero.
+    """The law at a solution, with (gamma_1, gamma_2), stress per length, those of the regularisation unless there is
+    none (``exact``); ``before``: the shear at the beginning of the load step, stress, shape (n, d - 1); collective.
     """
     contact, (count, tangents) = state.in_contact, state.shear.shape
     law = law if state.has_friction else None
@@ -194,12 +188,8 @@ class Adjoint:
 
 
 class TransposedTangent:
-    """The transposed Newton tangent at a solution, factorised once for all quantities; collective.
-
-    Args:
-        system: the elastic system.
-        law: the linearised law.
-        symmetric: whether A is.  At finite displacements it is not where friction acts on a curved shape.
+    """The transposed Newton tangent at a solution, factorised once for all quantities; ``symmetric``: whether A is,
+    which at finite displacements it is not where friction acts on a curved shape; collective.
     """
 
     def __init__(self, system: ElasticSystem, law: LinearisedLaw, *, symmetric: bool = True) -> None:
@@ -234,11 +224,8 @@ class TransposedTangent:
         residual.aypx(-1.0, right)
 
     def adjoint(self, by_displacement: PETSc.Vec, by_traction: Nodal) -> Adjoint:
-        """The adjoint state of a quantity; collective.
-
-        Args:
-            by_displacement: J_x at the unknowns of the stiffness, zero where they are prescribed.
-            by_traction: kappa, J_t over the weight, shape (n, d).
+        """The adjoint state of a quantity, from J_x at the unknowns of the stiffness, zero where they are prescribed,
+        and kappa, J_t over the weight, shape (n, d); collective.
 
         Raises:
             SignoriniError: the tangent is singular, or the iteration for chi is too slow.

@@ -156,14 +156,8 @@ def columns(
     count: int, step_at: Callable[[int], Any], quantities: Sequence[tuple[int, Functional]], data: Sequence[By]
 ) -> tuple[Array, Array, list[int]]:
     """Derivatives of some quantities by some data, shape (quantities, data), the quantities, and how many contact
-    points of each load step stand between two sets; collective.
-
-    Args:
-        count: of load steps.
-        step_at: gives one of them: its ``SolvedStep`` as ``solved``, and as ``earlier`` that of the one before, or
-            None.
-        quantities: each with the number of its load step.
-        data: by which they are derivatives.
+    points of each load step stand between two sets; collective.  Each quantity has the number of its load step, of
+    which ``step_at`` gives the ``SolvedStep`` as ``solved``, and as ``earlier`` that of the one before, or None.
     """
     slopes, values, between = np.zeros((len(quantities), len(data))), np.zeros(len(quantities)), [0] * count
     owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)

@@ -109,15 +109,9 @@ def extrapolated(slope: Callable[[float], float], unit: float) -> float:
 def gradient(
     of: Any, by: Sequence[Any], body: Callable[[], Model], step: tuple[Any, ...], data: Callable[[], tuple[Any, ...]]
 ) -> Gradient:
-    """The derivatives of one result; collective.
-
-    Args:
-        of: the result, see ``ContactProblem.gradient``.
-        by: the Constants.
-        body: gives the body.
-        step: the solution, see ``SolvedStep.of``.
-        data: evaluates the problem with the values that the Constants have: forms, forces, prescribed displacements,
-            contact points, gap, law, see ``ChangedStep``.
+    """The derivatives of one result by Constants, see ``ContactProblem.gradient``; ``step``: the solution, see
+    ``SolvedStep.of``; ``data``: evaluates the problem with the values that the Constants have: forms, forces,
+    prescribed displacements, contact points, gap, law, see ``ChangedStep``; collective.
 
     Raises:
         FormError: an argument is wrong.

@@ -477,9 +477,6 @@ class _ChangedScene:
 def _entry_of(statement: Statement, path: str, extent: float, dimension: int) -> tuple[float, float]:
     """The number at a path, 1 for a load as a whole and nan for an expression, and the step for a difference;
     ``extent``: of the body, length.
-
-    Raises:
-        SceneError: there is no such entry, or none that a derivative can be taken by.
     """
     if path.startswith("material") and not all(material.isotropic for material in statement.material):
         raise SceneError([(path, "is possible where all materials are isotropic")])

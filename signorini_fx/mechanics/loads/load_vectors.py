@@ -346,11 +346,7 @@ def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: An
 
 
 def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> Any:
-    """What a method of an effect gives, UFL.
-
-    Raises:
-        SceneError: it is of another package, and gives nothing of the kind.
-    """
+    """What a method of an effect gives, UFL, or a ``SceneError`` of one of another package that gives none."""
     if is_of_package(type(effect)):
         return getattr(effect, method)(*arguments, on)
     name, wanted = type(effect).__name__, () if method == "strain" else (len(on.position),)

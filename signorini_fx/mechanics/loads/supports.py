@@ -278,11 +278,7 @@ def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh
 
 
 def forces_at_nodes(load: Any, path: str, space: fem.FunctionSpace, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
-    """A ``PointForce`` as the part of L that it is, shape (owned dofs,); collective.
-
-    Raises:
-        SceneError: see ``node_at``.
-    """
+    """A ``PointForce`` as the part of L that it is, shape (owned dofs,), or the error of ``node_at``; collective."""
     node, owned = node_at(space, load, path, tagged), space.dofmap.index_map.size_local
     at, forces = in_space(np.array([load.at])), np.zeros((owned, space.dofmap.index_map_bs))
     forces[node[node < owned], : tagged.dimension] = [sample(c, at)[0] for c in load.components[: tagged.dimension]]

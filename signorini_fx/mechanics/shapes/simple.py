@@ -189,11 +189,8 @@ class Polyline(Shape):
 
 
 class StraightPieces:
-    """Signed distances from straight pieces, positive on their left, and the normals at the closest points.
-
-    Args:
-        corners: ends of the pieces, shape (c, 2).
-        pieces: the corner at which each begins, and that at which it ends, shape (m, 2); one at a free end goes on.
+    """Signed distances from straight pieces, positive on their left, and the normals at the closest points; of corners,
+    shape (c, 2), pieces have that at which each begins and ends, shape (m, 2), and go on at a free end.
     """
 
     def __init__(self, corners: Array, pieces: Rows) -> None:

@@ -94,11 +94,7 @@ class CachedSurface:
 
 
 def _read(file: Path, size: float | None) -> Any:
-    """The surface in a file.
-
-    Raises:
-        MeshError: see ``ClosedSurface``.
-    """
+    """The surface in a file."""
     if not file.is_file():
         raise MeshError(f"{file}: no such file")
     if file.suffix.lower() == ".stl":
@@ -135,14 +131,11 @@ def _rim(points: Array, cells: Rows) -> Rows:
 
 
 class InThePlane(StraightPieces):
-    """The rim of an area.
+    """The rim of an area, from points, shape (n, 2), and ends of the sides of areas, counterclockwise around each of
+    them, shape (m, 2).
 
     Attributes:
         extent: the least and the greatest coordinates, length, shape (2, 2), and the area over the perimeter.
-
-    Args:
-        points: shape (n, 2).
-        sides: ends of the sides of areas, counterclockwise around each of them, shape (m, 2).
     """
 
     dimension = 2
@@ -157,15 +150,11 @@ class InThePlane(StraightPieces):
 
 
 class InSpace:
-    """A closed surface of triangles, with VTK's signed distance.
+    """A closed surface of triangles, with VTK's signed distance, from a file, points, shape (n, 3), and corners in any
+    order, shape (m, 3).
 
     Attributes:
         extent: the least and the greatest coordinates, length, shape (2, 3), and the volume over the area.
-
-    Args:
-        file: where it is from, for messages.
-        points: shape (n, 3).
-        triangles: shape (m, 3), with any order of their corners.
 
     Raises:
         MeshError: it is not closed, has no inside, or VTK is missing.

@@ -142,14 +142,8 @@ def _entries(count: int) -> str:
 
 
 def problems_of(error: ValidationError, data: Mapping[str, Any], model: type[BaseModel]) -> list[tuple[str, str]]:
-    """The errors that pydantic found, in the form that ``SceneError`` needs.
-
-    There is one entry for each path; if pydantic tried several types, it says what each of them expects.
-
-    Args:
-        error: what pydantic raised.
-        data: the data that it validated.
-        model: the model that the data should fit.
+    """The errors that pydantic found in data that should fit a model, in the form that ``SceneError`` needs: one for
+    each path, which says what each of several types expects.
     """
     by_path: dict[str, list[str]] = {}
     for detail in error.errors():

@@ -176,11 +176,8 @@ class Effect(Table):
         return ((self.label, ()),)
 
     def contradictions(self, statement: Any, number: int) -> Contradictions:
-        """Why it does not go together with other entries: the place of the error in the scene, and the reason.
-
-        Args:
-            statement: all entries.
-            number: of this one among those of its kind.
+        """Why it, with its number among those of its kind, does not go together with other entries of a statement: the
+        place of the error in the scene, and the reason.
         """
         yield from ()
 

@@ -88,11 +88,7 @@ class _Evaluator:
         self._algebra, self._position, self._time = algebra, position, time
 
     def value(self, node: ast.expr) -> Any:
-        """The value of a part of the tree.
-
-        Raises:
-            ValueError: something in it is not allowed.
-        """
+        """The value of a part of the tree, or a ``ValueError`` that says what is not allowed in it."""
         algebra = self._algebra
         match node:
             case ast.Constant(value=number) if type(number) in (int, float):

@@ -115,12 +115,7 @@ _AROUND = ("displacement", "traction", "force", "body_force", "springs")
 
 
 def dimension_problems(statement: Any, dimension: int) -> list[tuple[str, str]]:
-    """Every key that has no meaning on a mesh of this dimension, and why.
-
-    Args:
-        statement: what is stated of the problem.
-        dimension: 2 or 3.
-    """
+    """Every key of a statement that has no meaning on a mesh of this dimension, and why."""
     return [*_everywhere(statement, dimension), *(_in_the_plane(statement) if dimension == 2 else _in_space(statement))]
 
 

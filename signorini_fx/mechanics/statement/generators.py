@@ -81,14 +81,8 @@ def generator(
 
 
 def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
-    """Refuse a mesh that is too large for the machines, before it is made; collective.
-
-    Args:
-        comm: the ranks that will share the mesh.
-        cells: their approximate number.
-
-    Raises:
-        SceneError: mesh and stiffness alone would take more memory than there is.
+    """Refuse about so many cells, before they are made, by a ``SceneError`` if mesh and stiffness alone would take more
+    memory than the machines have; collective.
     """
     from signorini_fx.machine import parallel
 
@@ -104,9 +98,5 @@ def cells_of_grid(nx: int, ny: int, cell: str) -> int:
 
 
 def refuse(parameter: str, message: str) -> NoReturn:
-    """Report that a parameter is not compatible with the others.
-
-    Raises:
-        SceneError: always.
-    """
+    """Raise a ``SceneError`` of a parameter that is not compatible with the others."""
     raise SceneError([(f"mesh.parameters.{parameter}", message)])

@@ -117,12 +117,7 @@ class ContactSize:
 
 
 def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, ...]:
-    """What a scene asks of the facets of one of its meshes.
-
-    Args:
-        scene: the ``Scene``.
-        number: of the body; None: there is one mesh.
-    """
+    """What a scene asks of the facets of one of its meshes, by the number of its body; None: there is one mesh."""
     body = None if number is None else scene.body[number]
     wanted = []
     for index, contact in enumerate(scene.contact):

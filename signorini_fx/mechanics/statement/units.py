@@ -29,22 +29,13 @@ _NAMES: ContextVar[Mapping[str, str]] = ContextVar("_NAMES", default=MappingProx
 
 
 def names_of(scene: Mapping[str, Any], dimension: int) -> dict[str, str]:
-    """The unit of each quantity of a scene, see ``unit_names``.
-
-    Args:
-        scene: as plain data, with its ``units``.
-        dimension: of the body, 2 or 3.
-    """
+    """The unit of each quantity of a scene as plain data, see ``unit_names``."""
     return unit_names(scene.get("units") or {}, of_data(scene, dimension))
 
 
 def unit_names(units: Mapping[str, str | None], kinematics: Kinematics) -> dict[str, str]:
     """The unit of each quantity: ``length``, ``stress``, ``area``, ``force``, ``moment`` and ``energy``, the last four
     per unit thickness in 2D; those that are not known are left out.
-
-    Args:
-        units: those that were given.
-        kinematics: of the body.
     """
     names = {name: unit for name, unit in units.items() if unit}
     length, stress = names.get("length"), names.get("stress")

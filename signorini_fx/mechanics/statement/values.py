@@ -62,13 +62,8 @@ def not_at_points(entry: Any) -> str:
 
 
 def bounded(number: float) -> float:
-    """The number, if its magnitude is in the allowed range, whatever the units.
-
-    Energies, squares of forces and products of stiffness, length and penalty must still be numbers in double precision,
-    which reaches from 1e-308 to 1e308.
-
-    Raises:
-        ValueError: it is not.
+    """The number, if its magnitude is in the allowed range, whatever the units: energies, squares of forces and
+    products of stiffness, length and penalty must still be numbers in double precision; else a ``ValueError``.
     """
     if abs(number) > LARGEST_NUMBER:
         limit = f"larger than {LARGEST_NUMBER:g}, or forces and energies overflow: take other units"
