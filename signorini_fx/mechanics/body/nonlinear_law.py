@@ -29,7 +29,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import strain_degree
 from signorini_fx.mechanics.elasticity.moduli import reduced_degree
 from signorini_fx.mechanics.kinematics.protocol import Kinematics, components, position, tensors
 from signorini_fx.mechanics.loads.follower_pressure import Followers, following, without_followers
-from signorini_fx.mechanics.loads.initial_strains import initial_strain
+from signorini_fx.mechanics.loads.initial_strains import given_strains
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.materials.nonlinear import PathDependent, growth
 from signorini_fx.mechanics.materials.protocol import PAIRS
@@ -175,7 +175,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     parts = [*enumerate(cells), *enumerate(cells, len(cells)), (2 * len(cells), owned_cells)]
     measure = ufl.Measure("dx", domain=space.mesh, subdomain_data=parts)
     around = kinematics.measure(position(u))
-    free, heat = initial_strain(statement, tagged, space, 0)
+    free, _, heat = given_strains(statement, tagged, space)
     v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
     energies, forms, tangents, points = [], [], [], []
     for number, (material, owned) in enumerate(zip(statement.material, cells, strict=True)):

@@ -196,35 +196,25 @@ def holds(
     return held or bool((of_points & holding).any())
 
 
-def initial_strain(
-    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, step: float
-) -> tuple[Any, Callable[[float], None]]:
-    """All initial strains together in each direction, UFL, None without any, and what moves them to a place."""
-    effects = [effect for effect in statement.of(InitialStrain) if effect.acts]
-    if not effects:
-        return None, lambda step: None
+def given_strains(
+    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
+) -> tuple[Any, Any, Callable[[float], None]]:
+    """All initial strains together in each direction, and all jumps together, UFL, None without any, as in the first
+    load step, and what moves them to a place; collective.
+    """
     on = FormCoefficients(statement, tagged, space)  # of its own: other stresses are at other places
-    factors = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in effects]
+    effects = [effect for effect in statement.of(InitialStrain) if effect.acts]
+    jumps = jumps_in(statement, tagged, space)
+    factors, amounts = ([fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in of] for of in (effects, jumps))
 
     def move_to(step: float) -> None:
         on.move_to(step)
         for constant, effect in zip(factors, effects, strict=True):
             constant.value, _ = statement.now(effect, step)
-
-    move_to(step)
-    return sum(factor * effect.strain(on) for factor, effect in zip(factors, effects, strict=True)), move_to
-
-
-def total_jump(
-    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace
-) -> tuple[Any, Callable[[float], None]]:
-    """All jumps together, zero so far, UFL, None without any, and what moves them to a place."""
-    jumps = jumps_in(statement, tagged, space)
-    amounts = [fem.Constant(tagged.mesh, default_scalar_type(0.0)) for _ in jumps]
-
-    def move_to(step: float) -> None:
         for constant, jump in zip(amounts, jumps, strict=True):
             constant.value = jump.amount(step)
 
-    terms = [amount * jump.on(space) for amount, jump in zip(amounts, jumps, strict=True)]
-    return sum(terms[1:], terms[0]) if terms else None, move_to
+    move_to(0)
+    strains = [factor * effect.strain(on) for factor, effect in zip(factors, effects, strict=True)]
+    moved = [amount * jump.on(space) for amount, jump in zip(amounts, jumps, strict=True)]
+    return *(sum(terms[1:], terms[0]) if terms else None for terms in (strains, moved)), move_to

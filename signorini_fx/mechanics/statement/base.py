@@ -213,13 +213,10 @@ def _meant(key: str, model: type[BaseModel]) -> str:
     home = next((name for name, fields in tables.items() if key in fields), None)
     if home is not None:
         return f" here: it belongs to [{home}]"
-    similar = difflib.get_close_matches(key, _keys(BaseModel), n=3, cutoff=0.75)
+    similar = difflib.get_close_matches(key, _keys(BaseModel), n=1, cutoff=0.75)
     if not similar or key in similar:
         return ": signorini-fx new writes a scene that explains all keys"
-    alike = max(
-        similar, key=lambda candidate: (difflib.SequenceMatcher(a=candidate, b=key).ratio(), candidate[0] == key[0])
-    )
-    return f": did you mean {alike!r}?"
+    return f": did you mean {similar[0]!r}?"
 
 
 def _tables_in(annotation: Any) -> set[type[BaseModel]]:

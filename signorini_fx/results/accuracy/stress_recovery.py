@@ -26,7 +26,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
 )
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, fields_of
-from signorini_fx.mechanics.loads.initial_strains import initial_strain, total_jump
+from signorini_fx.mechanics.loads.initial_strains import given_strains
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, Resistance
@@ -284,13 +284,7 @@ def cell_sizes(mesh: dmesh.Mesh) -> fem.Function:
 
 def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
     """That of a scene with the initial strains of a place in the lists of factors; collective."""
-    initial, move_to = initial_strain(body.statement, body.tagged, body.space, step)
-    jump, jump_to = total_jump(body.statement, body.tagged, body.space)
-
-    def move(step: float) -> None:
-        move_to(step)
-        jump_to(step)
-
+    initial, jump, move = given_strains(body.statement, body.tagged, body.space)
     of_law = body.elastic.stress(displacement, displacement if jump is None else displacement + jump, initial)
     parts = [body.tagged.cells(material.region) for material in body.statement.material]
     stress = replace(of_law, parts=parts, move=move)

@@ -21,7 +21,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions, shared_in
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
-from signorini_fx.mechanics.loads.initial_strains import Jump, initial_strain, total_jump
+from signorini_fx.mechanics.loads.initial_strains import Jump, given_strains
 from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, group_of
 from signorini_fx.mechanics.loads.supports import Supports, forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -70,10 +70,9 @@ class NodalForces(BodyNodes):
         return self._on.elastic.displacement()
 
     @shared_in("_of_forms")
-    def _given(self) -> tuple[tuple[Any, Callable[[float], None]], tuple[Any, Callable[[float], None]]]:
+    def _given(self) -> tuple[Any, Any, Callable[[float], None]]:
         """Initial strains and jumps of the displacement, UFL, None without any, and what moves them to a place."""
-        of = self._on.statement, self.tagged, self.space
-        return initial_strain(*of, 0), total_jump(*of)
+        return given_strains(self._on.statement, self.tagged, self.space)
 
     def _take(self, displacement: fem.Function) -> None:
         """Evaluate all forms at a displacement.
@@ -90,9 +89,8 @@ class NodalForces(BodyNodes):
 
     def _at_step(self, step: float) -> tuple[Any, Any, int]:
         """Initial strains and jumps of a load step, UFL, or None, and the degree of quadrature of the former."""
-        (strain, move_strain), (jump, move_jump) = self._given
-        move_strain(step)
-        move_jump(step)
+        strain, jump, move_to = self._given
+        move_to(step)
         acting = [entry for entry in self.statement.of(InitialStrain) if entry.acts]
         return strain, jump, acting[0].degree(self.statement.element.degree) if acting else 0
 
