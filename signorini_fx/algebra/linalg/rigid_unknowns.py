@@ -37,14 +37,14 @@ def with_rigid_bodies(
     """
     ones = np.ones(np.count_nonzero(free))
     all_free, springs = ones.astype(bool), stiffness[free]
-    bordered = tuple(bordered(matrix, all_free if level else free, ones) for level, matrix in enumerate(interpolations))
+    borders = [all_free if level else free for level in range(len(interpolations))]
     levels = tuple(
         bordered(matrix, all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
         for matrix in coarse
     )
     for level in levels:
         level.setOption(PETSc.Mat.Option.SPD, True)
-    return bordered, levels
+    return tuple(bordered(*each, ones) for each in zip(interpolations, borders, strict=True)), levels
 
 
 def bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]) -> PETSc.Mat:
