@@ -183,7 +183,7 @@ def test_judged_by_another_programme(where, seed, monkeypatch):
     def inside(self, data, first_sets=None, *, measure=lambda: None, **limits):
         if data.follows is not None or np.isinf(data.gamma_n):
             return plain(self, data, first_sets, measure=measure, **limits)
-        statuses.append(interior_point(self, data, measure))
+        statuses.append(interior_point(self, data, Status.CYCLING, measure))
         return statuses[-1]
 
     monkeypatch.setattr(ssn.SemismoothNewton, "solve", inside)

@@ -63,11 +63,15 @@ def _sets_of(newton: Newton, data: RegularisedData) -> ActiveSets:
     return natural_sets(u_n, u_t, data)
 
 
-def interior_point(newton: Newton, data: RegularisedData, measure: Callable[[], float | None]) -> Status:
+def interior_point(
+    newton: Newton, data: RegularisedData, failed: Status, measure: Callable[[], float | None]
+) -> Status:
     """Solve one problem with a given friction bound, whatever iterate ``newton`` holds, whose tangent is symmetric;
-    collective.
+    ``failed``: how it has ended there, which is the outcome if this fails, too, with that iterate; collective.
     """
-    before, problem = newton.history.linear_solves, newton.problem
+    start, before, problem = newton.checkpoint(), newton.history.linear_solves, newton.problem
+    newton.history.add(f"{failed.value}: interior point")
+    data = replace(data, sigma=np.inf)
     problem.set_data(data)
     try:
         status = _Programme(newton, data).solve()
@@ -80,14 +84,19 @@ def interior_point(newton: Newton, data: RegularisedData, measure: Callable[[], 
             newton.begin_at(ended)
             status = Status.CONVERGED if problem.accept(ended, sets, NO_FORCE) else status
     newton.close(data, status, before, measure)
-    return status
+    if status is Status.CONVERGED:
+        return status
+    newton.lost = True
+    newton.restore(start)
+    return failed
 
 
-def proposed_sets(newton: Newton, data: RegularisedData) -> ActiveSets | None:
+def proposed_sets(newton: Newton) -> ActiveSets | None:
     """The sets that a few steps from a soft foundation find after a full step of a problem with a given friction bound,
     which hold the body; None if a linear solve fails; the iterate of ``newton`` stays; collective.
     """
-    problem, begun, sets = newton.problem, newton.x.copy(), newton.problem.sets
+    problem, begun = newton.problem, newton.x.copy()
+    data, sets = problem.data, problem.sets
     try:
         proposed = _Programme(newton, data).sets()
     except (PETSc.Error, MemoryError) as error:

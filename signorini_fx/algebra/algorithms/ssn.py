@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -158,19 +157,9 @@ class SemismoothNewton:
         beyond_help = self.lost or self.history.exhausted
         if not self._settings.fallbacks or data.follows is not None or not ran_on or beyond_help:
             return status
-        return self._inside_the_bounds(data, status, measure)
-
-    def _inside_the_bounds(self, data: RegularisedData, failed: Status, measure: Callable[[], float | None]) -> Status:
-        """How the interior-point method ends, or the status of what has failed, with the iterate that it left."""
         from signorini_fx.algebra.algorithms.interior_point import interior_point
 
-        start = self.checkpoint()
-        self.history.add(f"{failed.value}: interior point")
-        if interior_point(self, replace(data, sigma=np.inf), measure) is Status.CONVERGED:
-            return Status.CONVERGED
-        self.lost = True
-        self.restore(start)
-        return failed
+        return interior_point(self, data, status, measure)
 
     def close(
         self,
@@ -283,12 +272,11 @@ class SemismoothNewton:
         """Make proposed sets those of the next full step, or the next ones if there are none; collective."""
         from signorini_fx.algebra.algorithms.interior_point import proposed_sets
 
-        self._slow, problem = False, self.problem
-        following, solves = problem.next.sets, self.history.linear_solves
-        proposed = proposed_sets(self, problem.data)
+        self._slow, following, solves = False, self.problem.next.sets, self.history.linear_solves
+        proposed = proposed_sets(self)
         if proposed is None and self._factorise():
-            proposed = proposed_sets(self, problem.data)
-        problem.sets = following if proposed is None else proposed
+            proposed = proposed_sets(self)
+        self.problem.sets = following if proposed is None else proposed
         asked = self.history.linear_solves - solves
         self.history.add(f"sets: few change with each full step, {asked} solves inside the bounds propose others")
 

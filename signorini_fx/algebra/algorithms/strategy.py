@@ -39,17 +39,8 @@ from signorini_fx.tuned import CONTINUATION_SHARE, GAMMA_GROWTH, LARGEST_GAMMA, 
 # What is tried with Coulomb friction, as the history names it.
 FIXED_POINT, MONOLITHIC, AUGMENTED = "fixed point", "monolithic Newton", "augmented Lagrangian"
 
-# Outcomes that do not say why there is no solution: it may be that a body lies loose.
-_UNEXPLAINED = (
-    Status.OPEN,
-    Status.MAX_ITERATIONS,
-    Status.OUTER_MAX_ITERATIONS,
-    Status.CYCLING,
-    Status.SLIDES_AT_PRESSURES,
-    Status.SINGULAR,
-    Status.LINEAR_SOLVER,
-    Status.ROUND_OFF,
-)
+# Other outcomes do not say why there is no solution: it may be that a body lies loose.
+_EXPLAINED = Status.CONVERGED, Status.NOT_HELD, Status.TIPS, Status.SLIDES, Status.NOT_FINITE, Status.NO_MEMORY
 
 
 def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Outcome:
@@ -86,7 +77,7 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
                 task.history.add("all methods together have taken as many linear solves as they may")
     else:
         outcome = _without_contact(task, start.data, lost.status)
-    loose = outcome.status in _UNEXPLAINED and task.idle
+    loose = outcome.status not in _EXPLAINED and task.idle
     return _left_loose(task, start, begin, outcome, waits=waits) if loose else outcome
 
 

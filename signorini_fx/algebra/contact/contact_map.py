@@ -108,11 +108,9 @@ class ContactMap:
         return into
 
     def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """The matrix with room for B^T D B: itself where its pattern has that, else a copy; collective."""
+        """A copy of the matrix with room for B^T D B; collective."""
         blocks = self.law(np.ones(self.points.movable.shape))
         pattern = self.operator.transposeMatMult(blocks.matMult(self.operator))
-        if not parallel.any_rank(self.points.comm, not _within(pattern, matrix)):
-            return matrix
         pattern.zeroEntries()
         wider = matrix.copy()
         wider.axpy(1.0, pattern, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
@@ -149,17 +147,3 @@ class ContactMap:
     @cached_property
     def _force(self) -> PETSc.Vec:
         return self.operator.createVecRight()
-
-
-def _within(pattern: PETSc.Mat, matrix: PETSc.Mat) -> bool:
-    """Whether the rows of this rank of a sparse matrix have entries only where another matrix has room; collective."""
-    first, (starts, columns, _) = pattern.getOwnershipRange()[0], pattern.getValuesCSR()
-    counts = np.diff(starts)
-    touched = np.flatnonzero(counts)
-    rows = PETSc.IS().createGeneral((first + touched).astype(PETSc.IntType), comm=matrix.comm)
-    touched_rows = matrix.createSubMatrix(rows, None)
-    room, names, _ = touched_rows.getValuesCSR()
-    row, width = np.repeat(np.arange(touched.size), np.diff(room)), matrix.getSize()[1]
-    wanted = np.repeat(np.arange(touched.size), counts[touched]) * width + columns
-    keys = np.sort(row * width + names)
-    return not wanted.size or bool(keys.size and (keys[np.searchsorted(keys[:-1], wanted)] == wanted).all())
