@@ -52,7 +52,7 @@ from signorini_fx.mechanics.obstacles.foundations_on_points import (
     Foundations,
     ShapeDistances,
 )
-from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides, turned_forces
+from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
@@ -296,7 +296,7 @@ class LinearisedProblem(FormSolver):
         places = self.places[: self.space.dofmap.index_map.size_local]
         for number, (_, paired) in self.foundations.undeformed.items():
             if not self.contact[number].bonded:
-                joint = *joint, turned_forces(state, paired, places)
+                joint = *joint, paired.stiffness(state, places)
         self.curvature = NodalStiffness.summed(state.boundary.nodes, blocks, joint)
 
     # --- what a FormSolver asks for ---

@@ -370,19 +370,29 @@ class PairedSides:
         normal = normal - along / share * bisector + 2.0 * initial_part * present
         return replace(self, coupling=replace(self.coupling, normal=normal), followed=True)
 
-    def turning(self, displacement: Array) -> sp.csr_array:
-        """How further displacements of the nodes of the master turn the normals of ``deformed``, as if these were
-        opposite to its own, sparse, shape (n d, d M); collective.
+    def stiffness(self, state: ContactState, displacement: Array) -> JointStiffness:
+        """What displacements of the owned nodes change of the contact forces of a state as normals turn from those of
+        ``deformed``, as if they were opposite to those of the master, which is not symmetric, and its transpose;
+        collective.
 
         Between the vertices of quadratic triangles normals are means, whose turning is left out.
         """
-        master, identity = self.sides.displaced_master(displacement), np.eye(self.coupling.normal.shape[1])
+        boundary, sides, dim = state.boundary, self.sides, displacement.shape[1]
+        master, identity, points = sides.displaced_master(displacement), np.eye(dim), boundary.part == sides.index
         sums = self._at_partners(master)
         size = np.linalg.norm(sums, axis=1)[:, None, None]
         present = sums / size[:, 0]
         turned = (present[:, :, None] * present[:, None] - identity) @ (identity - self.across) / size
-        nodal = of_components(self.coupling.master, len(identity)) @ turned_normals(master)
-        return sp.csr_array(along_vectors(turned.transpose(0, 2, 1)) @ nodal)
+        shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])
+        # Tangents turn against normals.
+        tractions = state.pressure[points, None, None] * identity - boundary.normal[points, :, None] * shear[:, None]
+        nodal = of_components(self.coupling.master, dim) @ turned_normals(master)
+        forces = of_blocks(boundary.weight[points, None, None] * tractions @ turned) @ nodal
+        entries = sp.coo_array(replace(self, followed=True).relative.T @ forces)
+        places = np.column_stack((entries.row, entries.col + dim * sides.slave.nodes.size))
+        places, values = (parallel.gather_rows(boundary.comm, rows) for rows in (places, entries.data))
+        matrix = sp.coo_array((values, tuple(places.T)), shape=(sides.x.size, sides.x.size))
+        return JointStiffness(sides.nodes, sp.csr_array(matrix + matrix.T))
 
     def _at_partners(self, master: PairSurface) -> Array:
         """Sums of the normals of the master at the partners of the points, shape (n, d): those of both halves beside a
@@ -426,32 +436,6 @@ class PairedSides:
             relative[:, components],
         )
         return sides.points_at(coupling.nodes, averages, weight=coupling.weight, normal=coupling.normal)
-
-
-def turned_forces(state: ContactState, paired: PairedSides, displacement: Array) -> JointStiffness:
-    """What displacements of the owned nodes change of the contact forces of a pair as normals turn, which is not
-    symmetric, and its transpose; ``paired``: both sides where they are undeformed; collective.
-    """
-    boundary, averages, dim = state.boundary, state.boundary.averages, displacement.shape[1]
-    points = np.flatnonzero(boundary.part == paired.sides.index)
-    normal, weight = boundary.normal[points], boundary.weight[points, None, None]
-    shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])
-    # Tangents turn against normals.
-    tractions = state.pressure[points, None, None] * np.eye(dim) - normal[:, :, None] * shear[:, None]
-    components = np.arange(dim)
-    operator = sp.csr_array(averages.operator)[(dim * points[:, None] + components).ravel()]
-    forces = along_vectors((weight * tractions).swapaxes(1, 2)) @ paired.turning(displacement)
-    entries = sp.coo_array(operator.T @ forces)
-    rows, columns = (
-        (dim * nodes[:, None] + components).ravel() for nodes in (averages.nodes, paired.sides.master.nodes)
-    )
-    of_rank = rows[entries.row], columns[entries.col], entries.data
-    row, column, value = (np.concatenate(part) for part in zip(*boundary.comm.allgather(of_rank), strict=True))
-    unknowns = np.stack((row, column))
-    reached = np.unique(unknowns // dim)
-    places = np.searchsorted(reached, unknowns // dim) * dim + unknowns % dim
-    matrix = sp.coo_array((value, (places[0], places[1])), shape=(dim * reached.size, dim * reached.size))
-    return JointStiffness(reached, sp.csr_array(matrix + matrix.T))
 
 
 class MovingPair:

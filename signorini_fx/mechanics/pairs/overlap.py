@@ -96,12 +96,8 @@ def space_overlap(
     flat, flat_master, polygon, centre, axes = (entry[nonempty] for entry in (flat, flat_master, polygon, centre, axes))
     triangles, pair = _fan(polygon, count)
     functions = slave.functions, master.functions
-    curved = _curved(slave, slave_parts.facet[slave_numbers]) or _curved(master, master_parts.facet[master_numbers])
-    degree = _degree(
-        functions,
-        (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers]),
-        curved=curved,
-    )
+    met = (slave, slave_parts.facet[slave_numbers]), (master, master_parts.facet[master_numbers])
+    degree = _degree(functions, affine=all(_affine(side, numbers) for side, numbers in met))
     points, weights = basix.make_quadrature(basix.CellType.triangle, int(parallel.global_max(comm, degree)))
     first, second = (triangles[:, k] - triangles[:, 0] for k in (1, 2))
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
@@ -138,29 +134,19 @@ def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, A
     return along, sine / cosine
 
 
-def _curved(side: PairSurface, facets: Indices) -> bool:
-    """Whether some of these facets are triangles whose edges are arcs."""
-    if side.functions.degree == 1 or not side.functions.simplex:
-        return False
+def _affine(side: PairSurface, facets: Indices) -> bool:
+    """Whether maps from the reference facet to these facets are affine."""
     corners, places = side.corners[np.unique(facets)], side.functions.places
     away = np.linalg.norm(corners - Lagrange(places[:3]).values(places) @ corners[:, :3], axis=2)
-    return bool((away > SAME_LENGTH * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).any())
+    return bool((away <= SAME_LENGTH * np.linalg.norm(corners[:, 1:2] - corners[:, :1], axis=2)).all())
 
 
-def _degree(functions: tuple[Lagrange, Lagrange], corners: tuple[Array, Array], *, curved: bool) -> int:
-    """Of the quadrature on each triangle; ``corners``: of the parts of both sides, shape (m, c, 3)."""
-    highest = max(lagrange.degree for lagrange in functions)
-    if all(lagrange.simplex for lagrange in functions) and not curved:
-        return _DEGREES[highest]
-    return _PARALLELOGRAMS if highest == 1 and all(map(_parallelograms, corners)) else _RATIONAL
-
-
-def _parallelograms(corners: Array) -> bool:
-    """Whether maps from the reference part are affine; ``corners``: shape (m, c, 3)."""
-    if corners.shape[1] == 3:
-        return True
-    twist = np.linalg.norm(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3], axis=1)
-    return bool((twist <= SAME_LENGTH * np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1)).all())
+def _degree(functions: tuple[Lagrange, Lagrange], *, affine: bool) -> int:
+    """Of the quadrature on each triangle; ``affine``: whether the maps of the facets of both sides are."""
+    highest, simplices = max(lagrange.degree for lagrange in functions), all(lagrange.simplex for lagrange in functions)
+    if not affine or (highest > 1 and not simplices):
+        return _RATIONAL
+    return _DEGREES[highest] if simplices else _PARALLELOGRAMS
 
 
 def projected_places(side: PairSurface, facets: Indices, at: Array, p: Array, centre: Array, axes: Array) -> Array:

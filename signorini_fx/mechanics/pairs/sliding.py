@@ -197,9 +197,7 @@ def slide(
     components = (dim * at[:, None] + np.arange(dim)).ravel()
     relative = of_components(beside(sharing, -opposite), dim) + placed_rows(found.turning, components, dim * count)
     tangent_rows = sp.csr_array(along_vectors(tangents) @ relative)
-    components = (dim * points[unpaired])[:, None] + np.arange(dim)
-    outward = normals[unpaired].ravel(), (np.repeat(unpaired, dim), components.ravel())
-    normal_rows = sp.csr_array(outward, shape=(count, tangent_rows.shape[1]))
+    normal_rows = along_vectors(np.where(partnered[:, None], 0.0, normals)[:, :, None]) @ relative
     gap = np.full(count, reach)
     pieces = None
     if at.size:
