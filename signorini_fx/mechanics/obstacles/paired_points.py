@@ -60,8 +60,10 @@ class PairedSide:
     facets: Indices
 
     @classmethod
-    def of(cls, space: fem.FunctionSpace, facets: Indices) -> PairedSide:
-        """Those facets of all ranks; collective.  Positions interpolate those of the nodes of the displacement."""
+    def of(cls, space: fem.FunctionSpace, facets: Indices, factor: Array | None) -> PairedSide:
+        """Those facets of all ranks, with a factor of the measure at all nodes of this rank, shape (nodes,), None: 1;
+        collective.  Positions interpolate those of the nodes of the displacement.
+        """
         mesh, dim, element = space.mesh, space.mesh.topology.dim, space.element.basix_element
         kind = basix.cell.subentity_types(element.cell_type)[dim - 1][0]
         places = basix.create_element(element.family, kind, element.degree, element.lagrange_variant).points
@@ -80,20 +82,16 @@ class PairedSide:
         at = np.broadcast_to(places.mean(axis=0), (len(names), 1, dim - 1))
         away = surface.corners.mean(axis=1) - middles
         sign = np.sign(np.einsum("fd,fd->f", surface.normals(np.arange(len(names)), at)[:, 0], away))
-        surface = replace(surface, sign=sign)
-        return cls(surface, nodes.astype(np.int64), facets)
+        if factor is None:
+            return cls(replace(surface, sign=sign), nodes.astype(np.int64), facets)
+        owned = np.nan_to_num(factor[: space.dofmap.index_map.size_local, None])
+        measure = from_owners(owned, nodes, mesh.comm)[:, 0]
+        return cls(replace(surface, sign=sign, measure=measure), nodes.astype(np.int64), facets)
 
     def owned(self, space: fem.FunctionSpace) -> Flags:
         """Which of its nodes this rank owns, shape (N,)."""
         first, last = space.dofmap.index_map.local_range
         return (self.nodes >= first) & (self.nodes < last)
-
-    def measured(self, space: fem.FunctionSpace, factor: Array | None) -> PairSurface:
-        """The surface with a factor of the measure at all nodes of this rank, shape (nodes,), None: 1; collective."""
-        if factor is None:
-            return self.surface
-        owned = np.nan_to_num(factor[: space.dofmap.index_map.size_local, None])
-        return replace(self.surface, measure=from_owners(owned, self.nodes, space.mesh.comm)[:, 0])
 
 
 def averaged_points(
@@ -108,8 +106,8 @@ def averaged_points(
         factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
         fixed: which dofs of this rank are prescribed, shape (owned dofs,).
     """
-    comm, dim, side = space.mesh.comm, space.mesh.topology.dim, PairedSide.of(space, facets)
-    surface = side.measured(space, factor)
+    comm, dim, side = space.mesh.comm, space.mesh.topology.dim, PairedSide.of(space, facets, factor)
+    surface = side.surface
     numbers = np.arange(len(surface.nodes))
     points, weights = surface.functions.rule(
         lumped_degree(surface.functions.degree, compat.geometry_degree(space.mesh))
@@ -237,35 +235,30 @@ class FacingSides:
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
             raise FormError([(f"contact[{index}]", "two bodies with curved cells need a space of degree 2")])
         comm, dim, owned = space.mesh.comm, space.mesh.topology.dim, len(fixed)
-        slave, master = (PairedSide.of(space, entries) for entries in facets)
+        sides = [PairedSide.of(space, entries, factor) for entries in facets]
         taken_nodes = np.zeros(owned, dtype=bool)
         for taken_facets in (*taken, facets[1]):
             reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
             taken_nodes[reached[reached < owned]] = True
         at_rest = np.zeros_like(fixed) if at_rest is None else at_rest
-        owned_rows = np.column_stack((fixed, at_rest, taken_nodes)).astype(np.float64)
-
-        def told(side: PairedSide) -> tuple[Array, npt.NDArray[np.bool_]]:
-            """Frames of the nodes of a side, shape (N, d, d), and what is known there, shape (N, 2 d + 1)."""
-            frames: Array = np.tile(np.eye(dim), (side.nodes.size, 1, 1))
-            if turned is not None:
-                owned_frames = turned.frames_at(np.arange(owned)).reshape(owned, dim**2)
-                frames = from_owners(owned_frames, side.nodes, comm).reshape(frames.shape)
-            return frames, from_owners(owned_rows, side.nodes, comm) > 0
-
-        (frames, entries), (axes, reached) = told(slave), told(master)
-        rests = (frames, entries[:, dim:-1]), (axes, reached[:, dim:-1])
-        surfaces = [side.measured(space, factor) for side in (slave, master)]
+        axes = np.tile(np.eye(dim), (owned, 1, 1)) if turned is None else turned.frames_at(np.arange(owned))
+        owned_rows = np.column_stack((axes.reshape(owned, dim**2), fixed, at_rest, taken_nodes)).astype(np.float64)
+        known = [from_owners(owned_rows, side.nodes, comm) for side in sides]
+        frames = [rows[:, : dim**2].reshape(-1, dim, dim) for rows in known]
+        flags = [rows[:, dim**2 :] > 0 for rows in known]
+        rests = [(axes, entries[:, dim:-1]) for axes, entries in zip(frames, flags, strict=True)]
+        surfaces = [side.surface for side in sides]
         across = mirrored(*surfaces, *rests), mirrored(*surfaces[::-1], *rests[::-1])
         slave, master = (
-            replace(side, surface=replace(surface, across=planes))
-            for side, surface, planes in zip((slave, master), surfaces, across, strict=True)
+            replace(side, surface=replace(side.surface, across=planes))
+            for side, planes in zip(sides, across, strict=True)
         )
+        fixed = np.concatenate([entries[:, :dim] for entries in flags])
         normals = slave.surface.directions
-        supported = held_along(normals, frames, entries[:, :dim]) & normals.any(axis=1)
-        held = HeldSides(supported, held_along(master.surface.directions, axes, reached[:, :dim]))
-        unable, fixed = entries[:, -1], np.concatenate((entries[:, :dim], reached[:, :dim]))
-        return cls(space, index, slave, master, unable, fixed, held, None if turned is None else frames)
+        supported = held_along(normals, frames[0], flags[0][:, :dim]) & normals.any(axis=1)
+        held = HeldSides(supported, held_along(master.surface.directions, frames[1], flags[1][:, :dim]))
+        of_slave = None if turned is None else frames[0]
+        return cls(space, index, slave, master, flags[0][:, -1], fixed, held, of_slave)
 
     @cached_property
     def nodes(self) -> npt.NDArray[np.int64]:

@@ -33,13 +33,7 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, constrained, dual_coefficients, extended
-from signorini_fx.mechanics.pairs.overlap import (
-    patches,
-    plane_overlap,
-    space_overlap,
-    turned_in_plane,
-    turned_in_space,
-)
+from signorini_fx.mechanics.pairs.overlap import patches, plane_overlap, space_overlap, turned
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, beside, turning_of, without_round_off
 from signorini_fx.mechanics.pairs.search import default_reach
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, DIGITS_OF_FILES, NEGLIGIBLE, SAME_NUMBER
@@ -292,25 +286,12 @@ def projected(
     apart: bool = False,
 ) -> tuple[Tested, Array | None]:
     """The overlap of both sides with the functions of the points, and the directions of projection at the nodes of the
-    slave, shape (N, d); None: its normals; collective.
-
-    Args:
-        slave: the side with the points.
-        master: the other one.
-        reach: distance beyond which facets are no partners, length.
-        comm: the ranks that share the work.
-        bonded: see ``couple``.
-        nominal: see ``couple``.
-        apart: whether it may be that no facet has a partner.
-
-    Raises:
-        PairingError: see ``couple``.
+    slave, shape (N, d); None: its normals; see ``couple``; ``apart``: whether it may be that no facet has a partner;
+    collective.
     """
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
     facets = np.arange(*ends)
-    project, turned = plane_overlap, turned_in_plane
-    if slave.dimension == 3:
-        project, turned = space_overlap, turned_in_space
+    project = plane_overlap if slave.dimension == 2 else space_overlap
 
     def found(directions: Array | None) -> Tested:
         overlap = project(slave, master, reach, facets, directions, comm).over_ranks(comm)

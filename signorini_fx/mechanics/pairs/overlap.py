@@ -117,8 +117,12 @@ def space_overlap(
     )
 
 
-def turned_in_space(slave: PairSurface, directions: Array) -> float:
-    """The largest tangent of the angles between directions of projection and those that a first projection takes."""
+def turned(slave: PairSurface, directions: Array) -> float:
+    """How far directions of projection at the nodes are at most from those that a first projection takes: in 2D a
+    distance of unit vectors, in 3D the tangent of an angle.
+    """
+    if slave.dimension == 2:
+        return float(np.abs(directions - slave.nodal_normals)[slave.points].max())
     return float(np.max(_along(slave, Parts.of(slave, np.arange(len(slave.nodes))), directions)[1]))
 
 
@@ -275,11 +279,6 @@ def plane_overlap(
     over = _over(master, master.corners[master_facets], x, normal)
     weight = slave.sizes(slave_facets, at[..., None]) * _WEIGHTS_OF_RULE / 2 * width[:, None]
     return Overlap(slave_facets, master_facets, at[..., None], over[..., None], weight)
-
-
-def turned_in_plane(slave: PairSurface, directions: Array) -> float:
-    """The largest distance of directions of projection from those that a first projection takes, of length one."""
-    return float(np.abs(directions - slave.nodal_normals)[slave.points].max())
 
 
 def patches(side: PairSurface, facets: Indices) -> Patches:

@@ -1,20 +1,14 @@
 """The map of a pair whose bodies slide and turn: at the deformed sides, with what changes it.
 
-A point i of the slave sees the master along directions N that are half-way between the normals of both sides,
+A point i of the slave sees the master at distances g along directions N half-way between the normals of both sides,
 
     x_s + g N = x_m(xi),   gap_i = sum_q P_iq g_q,
 
-where P_iq are the functions of the points times areas of the undeformed slave, over their sum w_i.  A displacement d
-changes the distance g by
-
-    dg = nu . (d_m - d_s - g dN) / (nu . N),   dxi = (d_s + g dN - d_m) . N^ / (x_m' . N^),
-
-with nu the normal of the facet of the master, N^ the direction across N, and dN the turning of the normals of the
-slave.  The rows dgap_i of the map are zero on every joint rigid motion, so that pressures on both sides, their
-transpose, balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals
-of the slave are held: what these change of the gap is of second order where sides touch.  The map of friction is that
-of ``mortar_coupling``, with half of the rotations of both sides.  In 3D xi are two numbers, and all points of a
-facet of the slave have one direction.  Distances and their derivatives are in ``sliding_pieces``.
+where P_iq are the functions of the points times areas of the undeformed slave, over their sum w_i.  The rows dgap_i of
+the map, see ``sliding_pieces``, are zero on every joint rigid motion, so that pressures on both sides, their transpose,
+balance in forces and moments.  Points of quadrature, functions, and the angles between N and the normals of the slave
+are held: what these change of the gap is of second order where sides touch.  The map of friction is that of
+``mortar_coupling``, with half of the rotations of both sides.
 
 Slips are chords.  With the functions D, M of the beginning of a step, marked by 0,
 
@@ -57,14 +51,12 @@ class Frames:
         slave: D, sparse, shape (n, nodes of the slave).
         master: M, sparse, shape (n, nodes of the master).
         tangents: T_i, orthonormal, one per column, shape (n, d, d - 1).
-        way: T_i^T (D x_s - M x_m), length, shape (n, d - 1).
         partnered: whether the point sees the other side, shape (n,).
     """
 
     slave: sp.csr_array
     master: sp.csr_array
     tangents: Array
-    way: Array
     partnered: npt.NDArray[np.bool_]
 
 
@@ -111,10 +103,12 @@ class SlidingCoupling:
             slave: positions of the nodes of the slave then, shape (N, d).
             master: those of the master.
         """
-        met, frames = begun.partnered[:, None], self.frames
-        now = _way(frames.tangents, begun.slave @ self.slave.x - begun.master @ self.master.x)
-        at_beginning = _way(frames.tangents, frames.slave @ slave - frames.master @ master)
-        return np.where(met, now - begun.way, frames.way - at_beginning)
+        tangents, ways = self.frames.tangents, []
+        for frames, old in ((begun, begun.tangents), (self.frames, tangents)):
+            then, now = frames.slave @ slave - frames.master @ master, frames.slave @ self.slave.x
+            now = now - frames.master @ self.master.x
+            ways.append(np.einsum("ndk,nd->nk", tangents, now) - np.einsum("ndk,nd->nk", old, then))
+        return np.where(begun.partnered[:, None], *ways)
 
     def stiffness(self, pressure: Array, shear: Array) -> sp.csr_array:
         """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
@@ -206,8 +200,7 @@ def slide(
         pieces = SlidingPieces.of(tested, directions, mean)
         gap[at] = pieces.gap[at]
         normal_rows = normal_rows - pieces.rows
-    way = _way(tangents, sharing @ slave.x - opposite @ master.x)
-    frames = Frames(sharing, opposite, tangents, way, partnered)
+    frames = Frames(sharing, opposite, tangents, partnered)
     rows = sp.csr_array(normal_rows), tangent_rows
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, *rows, centre, found.covered, pieces)
 
@@ -217,11 +210,6 @@ def along_vectors(vectors: Array) -> sp.csr_array:
     (n k, n d).
     """
     return of_blocks(vectors.transpose(0, 2, 1))
-
-
-def _way(tangents: Array, vectors: Array) -> Array:
-    """The components of vectors, shape (n, d), along tangents, shape (n, d - 1)."""
-    return np.asarray(np.einsum("ndk,nd->nk", tangents, vectors))
 
 
 def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:
