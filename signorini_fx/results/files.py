@@ -33,7 +33,7 @@ from signorini_fx.results.fields import (
 )
 from signorini_fx.results.folder import SUMMARY, ResultFolder
 from signorini_fx.results.solution import Solution
-from signorini_fx.results.summary import asked, not_yet_there, post_processing, proved, summary_of
+from signorini_fx.results.summary import asked, post_processing, proved, summary_of
 
 # Fields drawn on demand: the von Mises stress always is, and the displacement around the axis where there is one.
 ON_DEMAND = ("pressure", "displacement", "density")
@@ -81,6 +81,7 @@ def write_results(
     Raises:
         TypeError: the first argument is not a solution.
         ValueError: ``fields`` is neither True nor False, or a field in ``pictures`` is not known.
+        InstallationError: pictures of certain fields are asked for, and the add-on is missing.
         OutputError: something could not be written, or a file is in the way that is no result; an older result is still
             there, or there is no summary.json.
     """
@@ -94,7 +95,14 @@ def write_results(
             raise ValueError(
                 f"no picture of {', '.join(map(repr, wrong))}: there are {', '.join(('von_mises', *ON_DEMAND))}"
             )
-    gather, missing = _gatherer(pictures)
+    gather: Callable[..., Any] | None = None
+    missing = ""
+    try:
+        gather = add_on("pictures") if pictures is not False else None
+    except InstallationError as error:
+        if not isinstance(pictures, bool):
+            raise
+        missing = str(error) if isinstance(error, MissingPackageError) else ""
     with folder if isinstance(folder, ResultFolder) else ResultFolder(solution.comm, folder, FILES) as claimed:
         return _Written(solution, claimed).write(
             fields, gather and partial(gather, asked=() if isinstance(pictures, bool) else pictures, pdf=pdf), missing
@@ -107,20 +115,6 @@ def title_of_result(folder: Path) -> str | None:
         return str(read_summary(folder).get("title", ""))
     except ResultError:
         return None
-
-
-def _gatherer(pictures: bool | Sequence[str]) -> tuple[Callable[..., Any] | None, str]:
-    """What gathers the data of pictures, and the package that is missing for that; None: none are drawn.
-
-    Raises:
-        InstallationError: pictures of certain fields are asked for, and the add-on is missing.
-    """
-    try:
-        return add_on("pictures") if pictures is not False else None, ""
-    except InstallationError as error:
-        if isinstance(pictures, bool):
-            return None, str(error) if isinstance(error, MissingPackageError) else ""
-        raise
 
 
 @dataclass(frozen=True)
@@ -219,7 +213,8 @@ class _Written:
 
     def _put(self, summary: dict[str, Any], absent: list[str]) -> None:
         """Write the summary, with what it lacks so far."""
-        findings = [*summary["findings"], *not_yet_there(absent)]
+        reason = "is missing: the run ended before it was complete"
+        findings = [*summary["findings"], *(asdict(Finding("warning", name, reason)) for name in absent)]
         text = json.dumps(for_json({**summary, "findings": findings}), indent=2, allow_nan=False)
         self._on_root(lambda: (self.folder.part / SUMMARY).write_text(text + "\n", encoding="utf-8"))
 

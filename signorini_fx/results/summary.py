@@ -299,25 +299,16 @@ def failure_in_words(error: Exception) -> str:
     return f"{type(error).__name__} in {last.name}{f': {told[-1]}' if told else ''}"
 
 
-def not_yet_there(what: list[str]) -> list[dict[str, Any]]:
-    """Findings of a result to which these are not yet added."""
-    return [asdict(Finding("warning", name, "is missing: the run ended before it was complete")) for name in what]
-
-
-def _afterwards(solution: Solution) -> dict[str, Callable[[Solution], Any]]:
+def asked(solution: Solution) -> dict[str, Callable[[Solution], Any]]:
+    """The keys of the summary that ``proved`` may add, and what computes them."""
     own = {quantity.key: partial(_own_value, quantity) for quantity in own_quantities()}
     return {**afterwards(solution), **own}
-
-
-def asked(solution: Solution) -> list[str]:
-    """The keys of the summary that ``proved`` may add."""
-    return list(_afterwards(solution))
 
 
 def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
     """What is computed once the results stand, as far as the scene asks for it: entries of the summary; collective."""
     entries: dict[str, Any] = {}
-    for key, value_of in _afterwards(solution).items():
+    for key, value_of in asked(solution).items():
         value = post_processing(solution.comm, key, findings, partial(value_of, solution))
         if value is not None:
             entries[key] = value

@@ -29,7 +29,7 @@ from signorini_fx.mechanics.statement.features import refused_features
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import WITHOUT_ARCS, Body, MeshGenerator, OneMesh
 from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, rigid_bodies
-from signorini_fx.mechanics.statement.rigid_shape import OneShape, Shape, read_shape
+from signorini_fx.mechanics.statement.rigid_shape import OneShape, read_shape
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, TitleBlock, Units
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.values import Vector, shown
@@ -113,7 +113,8 @@ def with_shapes(entry: Any) -> Any:
         if "pivot" in keys and (shape.shift is not None or shape.rotation is not None):
             problems.append((path, "a shape that shift or rotation places has its own pivot: give it there"))
         driven.add(name)
-        contacts[number] = _with_foundation(contact, shape.model_copy(update=keys))
+        given = {"foundation": shape.model_copy(update=keys)}
+        contacts[number] = {**contact, **given} if isinstance(contact, Mapping) else contact.model_copy(update=given)
     for number, body in enumerate(bodies):
         if names.index(body.name) < number:
             problems.append((("rigid", number, "name"), f"two rigid bodies have the name {shown(body.name)}"))
@@ -126,12 +127,6 @@ def with_shapes(entry: Any) -> Any:
 
 def _get(table: Any, key: str) -> Any:
     return table.get(key) if isinstance(table, Mapping) else getattr(table, key, None)
-
-
-def _with_foundation(contact: Any, shape: Shape) -> Any:
-    if isinstance(contact, Mapping):
-        return {**contact, "foundation": shape}
-    return contact.model_copy(update={"foundation": shape})
 
 
 @with_every_effect
