@@ -91,18 +91,13 @@ def figure(value: Any, error: float | None = None) -> str:
         error: estimated error relative to its size; None: not known, four digits are shown.
     """
     if isinstance(value, list | tuple):
-        return f"({', '.join(components(list(value), error))})"
+        size = math.hypot(*value)
+        return f"({', '.join(_rounded(component, size, error) for component in value)})"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return "" if value is None else str(value)
     if isinstance(value, int):
         return str(value)
     return _rounded(value, abs(value), error)
-
-
-def components(vector: list[float], error: float | None = None) -> list[str]:
-    """The components of a vector one by one, see ``figure``; with an estimated error they are rounded alike."""
-    size = math.hypot(*vector)
-    return [_rounded(component, size, error) for component in vector]
 
 
 def _rounded(value: float, size: float, error: float | None) -> str:
@@ -176,13 +171,6 @@ def has_friction(summary: dict[str, Any]) -> bool:
     """Whether a contact of the scene has a friction law."""
     laws = [(entry.get("friction") or {}).get("law") for entry in (summary.get("scene") or {}).get("contact", ())]
     return any(law not in (None, "none") for law in laws)
-
-
-def named_components(kinematics: Kinematics, count: int) -> dict[int, str]:
-    """The components of a force on a body by their names; over a revolution radial ones cancel each other."""
-    if kinematics.uniform:
-        return dict(enumerate("xyz"[:count]))
-    return {1: "along the axis"}
 
 
 def point_in_words(point: Sequence[float]) -> str:
@@ -378,8 +366,7 @@ def _forces(summary: Summary) -> list[str | TerminalLine]:
 
     def of(entry: dict[str, Any], key: str) -> str:
         force = clean(entry[key], size)
-        names = named_components(kinematics, len(force))
-        shown = force if len(names) == len(force) else force[next(iter(names))]
+        shown = force if kinematics.uniform else force[1]  # over a revolution radial ones cancel each other
         return with_unit(figure_or_error(shown, error_of(summary, key)), "force")
 
     texts = list[str | TerminalLine]()

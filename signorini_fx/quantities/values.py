@@ -34,23 +34,18 @@ def _of_contact(solution: Any) -> dict[str, Any]:
     return {
         "contact_nodes": int(columns["x"].size),
         "touching_nodes": table.touching,
-        "contact_force": _plain(contact.forces[0]),
-        "friction_force": _plain(contact.forces[1]),
+        "contact_force": (contact.forces[0] + 0.0).tolist(),
+        "friction_force": (contact.forces[1] + 0.0).tolist(),
         "pressure_integral": float(np.dot(columns["weight"], columns["pressure"])),
         "max_pressure": float(columns["pressure"].max()),
         "max_shear": float(np.abs(columns["shear"]).max()),
         "zones": _zones(table) if "s" in columns else None,
         "areas": contact.areas if solid else None,
-        "contact_moment": _plain(contact.moments[0]) if solid else None,
-        "friction_moment": _plain(contact.moments[1]) if solid else None,
+        "contact_moment": (contact.moments[0] + 0.0).tolist() if solid else None,
+        "friction_moment": (contact.moments[1] + 0.0).tolist() if solid else None,
         "contact_boundaries": [figures.model_dump() for figures in solution.contact_figures] or None,
         "tools": [motion.as_dict(contact, solution.statement.contact, kinematics) for motion in tools] or None,
     }
-
-
-def _plain(vector: Any) -> list[float]:
-    """The components of a vector, without negative zeros."""
-    return [float(component) + 0.0 for component in vector]
 
 
 def _zones(table: Any) -> dict[str, Any]:

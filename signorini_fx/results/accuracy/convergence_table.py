@@ -170,7 +170,9 @@ def predict(
     growth = finer**dimension
     expected = {**rates, "energy": seen_rate(rows, dimension)}
     errors = {name: getattr(last, name) / finer**rate for name, rate in expected.items() if getattr(last, name)}
-    seconds, memory = powers(last.dofs * growth, dimension, krylov_from)
+    # The time and the memory of a Krylov method are those of its products.
+    krylov = last.dofs * growth >= krylov_from
+    seconds, memory = (1.0, 1.0) if krylov else (TIME_POWER[dimension], MEMORY_POWER[dimension])
     cost = {
         "level": last.level + 1,
         "h": last.h / finer,
@@ -191,13 +193,6 @@ def grown(
     growing = (value - earlier) / (1 - seen**-power)
     excess = max(value - offset, 0.0)
     return float(value + np.clip(growing, least * excess, excess) * (growth**power - 1))
-
-
-def powers(dofs: float, dimension: int, krylov_from: float) -> tuple[float, float]:
-    """The powers of the unknowns with which time and memory grow up to a mesh; ``krylov_from``: unknowns from which on
-    a Krylov method is taken, whose time and memory are those of its products.
-    """
-    return (1.0, 1.0) if dofs >= krylov_from else (TIME_POWER[dimension], MEMORY_POWER[dimension])
 
 
 def render(rows: list[Price]) -> str:

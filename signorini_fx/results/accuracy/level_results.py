@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from signorini_fx.algebra.algorithms.path_following import path_model
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
@@ -72,12 +71,6 @@ class LevelResult:
         return 2 if self.table.facets is None else 3
 
 
-def compliance_of(outcome: Outcome, comm: MPI.Comm) -> float:
-    """1 / gamma_1 of the regularisation; 0 where multipliers of an augmentation shift the pressure; collective."""
-    data = outcome.problem.data
-    return 0.0 if parallel.any_rank(comm, bool(data.lambda_hat.any())) else 1 / data.gamma_n
-
-
 def make_ready(newton: SemismoothNewton) -> None:
     """Factorise the matrix of an iterate from a checkpoint, with which nothing has been solved; collective."""
     problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
@@ -116,8 +109,10 @@ def level_result(
     ``contacts``: after each load step.
     """
     regularisation = pressure_regularisation = 0.0
-    if task is not None and outcome is not None and compliance_of(outcome, body.comm) > 0 and size > 0:
-        data = outcome.problem.data
+    data = None if outcome is None else outcome.problem.data
+    # Multipliers of an augmentation shift the pressure.
+    shifted = data is not None and parallel.any_rank(body.comm, bool(data.lambda_hat.any()))
+    if task is not None and data is not None and not shifted and np.isfinite(data.gamma_n) and size > 0:
         newton = task.unsymmetric_newton if data.follows is not None else task.newton
         make_ready(newton)
         model = path_model(newton, data)
