@@ -30,7 +30,7 @@ _LOADED: dict[tuple[str, str], Any] = {}
 
 
 @contextmanager
-def compiling(what: str = "a form") -> Iterator[None]:
+def compiling(failed: str = "a form cannot be compiled") -> Iterator[None]:
     """Lock the form that is compiled inside the ``with`` block, and report what the machine lacks if it cannot be.
 
     Raises:
@@ -43,7 +43,7 @@ def compiling(what: str = "a form") -> Iterator[None]:
         with signals.deferred(), _locks():
             yield
     except (OSError, RuntimeError, VerificationError) as error:  # dolfinx raises the second on all ranks but one
-        raise MachineError(f"{what} cannot be compiled: {error}: {_NEEDED}") from error
+        raise MachineError(f"{failed}: {error}: {_NEEDED}") from error
 
 
 @contextmanager
@@ -110,7 +110,7 @@ def library(folder: Path, name: str, declarations: str, source: str, arguments: 
     """
     from cffi import FFI
 
-    with compiling("C functions"), ExitStack() as held:
+    with compiling("C functions cannot be compiled"), ExitStack() as held:
         prepare(folder, name, 0.0, held)
         if not _compiled(folder, name):
             builder = FFI()
