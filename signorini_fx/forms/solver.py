@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -85,7 +85,7 @@ class FormSolver:
         folders: with the load steps of its runs.
     """
 
-    _foundations_class = Foundations
+    _foundations_class: Callable[..., Foundations] = Foundations
 
     boundary: ContactBoundary
     elastic: ElasticBody

@@ -90,6 +90,7 @@ class MovingFoundations(Foundations):
     """
 
     sliding: Mapping[int, MovingPair]
+    coordinates: Array
     settled: dict[int, Any]
 
     def __init__(self, *args: Any, at: fem.Function) -> None:
@@ -230,6 +231,7 @@ class LinearisedProblem(FormSolver):
     _farthest = 0.0  # the largest increment of this load so far, length
     _round_off: float | None = None  # see ``_lost``, of the present load
     foundations: MovingFoundations
+    _hessians: Array
 
     def __init__(
         self,
@@ -258,7 +260,7 @@ class LinearisedProblem(FormSolver):
         """Without what turns with the displacement."""
         dim = self.places.shape[1]
         self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
-        self.relative: Array | None = None  # see ``MovingTools.relative_stiffness``
+        self.relative: tuple[Array, Array] | None = None  # see ``MovingTools.relative_stiffness``
 
     @property
     def places(self) -> Array:
@@ -359,11 +361,9 @@ class LinearisedProblem(FormSolver):
 
     def body_of(self, tangent: fem.Form, boundary: ContactBoundary, **more: Any) -> ElasticBody:
         """The body of a tangent, with what turns; for the further arguments see ``elastic_body``; collective."""
-        relative = None
-        if self.relative is not None and len(self.relative) == boundary.size:
-            relative = self.foundations.rigid_bodies.joined(self.relative, boundary)
+        fits = self.relative is not None and len(self.relative[0]) == boundary.size
         points = boundary if self.contact else None
-        more |= {"beside": self.curvature, "relative": relative}
+        more |= {"beside": self.curvature, "relative": self.relative if fits else None}
         return elastic_body(self.space, tangent, self.bcs, boundary=points, **more)
 
     def _forces(self) -> Array:
@@ -477,7 +477,7 @@ class LinearisedProblem(FormSolver):
         outcome = super()._outcome_of_now()
         system = outcome.problem.system
         # Other systems reach all points, and so does a condensed one of a body that only contact holds.
-        if isinstance(system, CondensedSystem) and system.elasticity.far is not None and self._far_touch(outcome):
+        if isinstance(system, CondensedSystem) and self._far_touch(outcome, system):
             self._retains_all, self._last_pattern = True, None
             try:
                 self.begun = self.begin_step()
@@ -521,18 +521,19 @@ class LinearisedProblem(FormSolver):
         self._near, self._last_values = near, values.copy()
         return None if near.all() else (~near, self.at)
 
-    def _far_touch(self, outcome: Outcome) -> bool:
+    def _far_touch(self, outcome: Outcome, system: CondensedSystem) -> bool:
         """Whether an outcome may be another one than that of all points."""
-        far, system, problem, sets = self.elastic.far, outcome.problem.system, outcome.problem, self.begun.sets
-        assert far is not None
-        if outcome.status is not Status.CONVERGED or (sets is not None and bool((sets.contact & far[0]).any())):
+        far, problem, sets = system.elasticity.far, outcome.problem, self.begun.sets
+        if far is None:
+            return False
+        if outcome.status is not Status.CONVERGED or (sets is not None and bool((sets.contact & far.points).any())):
             return True
         system.find_far_points(outcome.newton.x)
         touching = classify(problem.sets, *system.contact.traces(outcome.newton.x), problem.data).contact
         touching |= problem.sets.contact  # from where they were before
         if problem.data.bound is not None:
             touching |= problem.data.bound > 0.0  # such as that of Tresca, which acts without contact
-        return bool((touching & far[0]).any())
+        return bool((touching & far.points).any())
 
     def leave_open(self, status: Status) -> None:
         """Make the displacement of now, without any contact, the last result, of a solve with this end; collective."""
@@ -576,7 +577,6 @@ class LinearisedProblem(FormSolver):
         """
         outcome, solved, symmetric = self.outcome, self.state, self.symmetric
         assert outcome is not None
-        self.residual = None
         self.bend()
         curvature = curvature_of(self._hessians, solved, symmetric=False)
         sheared = bool((curvature != curvature.transpose(0, 2, 1)).any())

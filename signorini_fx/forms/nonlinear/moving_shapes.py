@@ -310,37 +310,32 @@ class MovingTools(RigidBodies):
             return np.zeros_like(boundary.x)
         return np.asarray(boundary.moving.modes @ self.coordinates)
 
-    def relative_stiffness(self, state: ContactState, curvature: Array) -> Array:
-        """Forces of (r, L w), the displacement relative to the tool and its turn, from the tractions of contact points,
-        force per length, symmetric, of w zero where there is no tool, shape (n, m, m); ``curvature``: C, shape
-        (n, d, d).
+    def relative_stiffness(self, state: ContactState, curvature: Array) -> tuple[Array, Array]:
+        """What the tractions of contact points and ``curvature``, C, shape (n, d, d), are between points and tools, see
+        ``ElasticBody.relative``; collective.
+
+        They are forces of (r, L w), the displacement relative to the tool and its turn.
         """
-        boundary, dim, turns = state.boundary, self.kinematics.dimension, len(self.kinematics.rotations)
+        boundary, dim, each = self.on(state.boundary), self.kinematics.dimension, self.units.size
+        assert boundary.moving is not None
+        tractions, turns = boundary.nodal_forces(state.pressure, state.shear), np.arange(dim, each)
         arms, forces = np.zeros((2, boundary.size, 3))
         arms[:, :dim] = self.places(boundary)
-        for body in self.bodies:
-            arms[np.isin(boundary.part, body.parts), :dim] -= body.pivot(dim)
-        touching = self.touching(boundary)
-        forces[touching, :dim] = boundary.nodal_forces(state.pressure, state.shear)[touching]
+        seen = np.zeros((boundary.size, each, dim + each * len(self.bodies)))  # (r, L w) of the unknowns
+        seen[:, :dim, :dim], seen[:, :dim, dim:] = np.eye(dim), -boundary.moving.modes
+        for number, body in enumerate(self.bodies):
+            points = np.flatnonzero(np.isin(boundary.part, body.parts))
+            arms[points, :dim] -= body.pivot(dim)
+            forces[points, :dim] = tractions[points]
+            seen[points[:, None], turns, dim + each * number + turns] = 1.0
         against = np.cross(forces[:, None], np.eye(3))  # -[t]
         products = np.einsum("ni,nj->nij", arms, forces)
         along = np.einsum("nii->n", products)[:, None, None] * np.eye(3)
         arms_turn = along - (products + products.transpose(0, 2, 1)) / 2
         turned = np.block([[np.zeros_like(against), against], [-against, arms_turn]])
         # In 2D turns are about x[2]: its rows and columns of space are left out.
-        axes = [*range(dim), *range(6 - turns, 6)]
+        axes = [*range(dim), *range(6 + dim - each, 6)]
         blocks = turned[:, axes][:, :, axes] / np.multiply.outer(self.units, self.units)
         blocks[:, :dim, :dim] += curvature
-        return np.asarray(blocks)
-
-    def joined(self, blocks: Array, boundary: ContactBoundary) -> tuple[Array, Array]:
-        """What these forces, ``blocks``, are of the unknowns of tools, see ``ElasticBody.relative``; collective."""
-        assert boundary.moving is not None
-        (_, dim, count), each = boundary.moving.modes.shape, self.units.size
-        seen = np.zeros((boundary.size, each, dim + count))  # (r, L w) from a displacement and the unknowns
-        seen[:, :dim, :dim], seen[:, :dim, dim:] = np.eye(dim), -boundary.moving.modes
-        for number, body in enumerate(self.bodies):
-            points, turns = np.flatnonzero(np.isin(boundary.part, body.parts))[:, None], np.arange(dim, each)
-            seen[points, turns, dim + each * number + turns] = 1.0
-        forces = seen.transpose(0, 2, 1) @ blocks @ seen
-        return forces[:, :dim, dim:], parallel.global_sum(boundary.comm, forces[:, dim:, dim:].sum(axis=0))
+        together = seen.transpose(0, 2, 1) @ blocks @ seen
+        return together[:, :dim, dim:], parallel.global_sum(boundary.comm, together[:, dim:, dim:].sum(axis=0))

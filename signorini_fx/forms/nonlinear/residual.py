@@ -31,8 +31,6 @@ class Residual:
     """F, and what a user's function does before it is assembled.
 
     Attributes:
-        form: F, compiled.
-        u: the displacement that it depends on.
         update: the user's function; None: the material has no state.
         loads: forces on the body beside F, at the owned unknowns, shape (owned dofs,); a number: the same at all.
     """
@@ -92,17 +90,10 @@ class Residual:
 
 
 class Tangents:
-    """The user's tangent and the derivative of F, each compiled when it is first needed.
+    """The user's tangent J, if there is one, and the derivative of F by u, each compiled when it is first needed.
 
-    Args:
-        F: a UFL form with one argument.
-        J: the user's, UFL or compiled; None: there is none.
-        u: the Function that F is differentiated by.
-        options: of the form compiler, as ``dolfinx.fem.form`` takes them.
-
-    Attributes:
-        given: whether there is one of the user's.
-        trusted: whether that is known to be the derivative, and is not tried: near a yield stress no difference tells.
+    ``given``: whether there is one of the user's; ``trusted``: whether that is known to be the derivative, and is not
+    tried: near a yield stress no difference tells.
     """
 
     trusted = False

@@ -136,9 +136,10 @@ def certified(
     if before is not None:
         boundary, moved = linear.state.boundary, linear.moved(linear.state.boundary)
         signed = [(tool, -1.0) for tool in tools.motions] + [(tool, 1.0) for tool in before.rigid]
-        for tool, sign in [] if moved is None else signed:  # beyond what they tell of the undeformed points
-            touching = np.isin(boundary.part, tool.body.parts)
-            moved[touching] += sign * tool.at(boundary.x[touching])
+        if moved is not None:  # of tools it is what is beyond that of the undeformed points
+            for tool, sign in signed:
+                touching = np.isin(boundary.part, tool.body.parts)
+                moved[touching] += sign * tool.at(boundary.x[touching])
         before = replace(before, moved=moved)
     rigid, tractions = [*zip(tools.motions, tools.drives(), strict=True)], tractions or Tractions.of(linear.state)
     assert linear.outcome is not None
@@ -192,9 +193,8 @@ class SolvedBody:
     ) -> SolvedBody:
         """What there is after a solve, with its linear solves and how it has ended; collective."""
         shapes, solved = linear.foundations.moving, copy(linear)
-        placed: Any = [
-            replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(linear.contact)
-        ]
+        given: Any = linear.contact
+        placed = [replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(given)]
         solved.forms = replace(linear.forms, contact=tuple(placed))
         number, u, y = linear.begun.step, linear.at, linear.at.copy()
         y.name = u.name
