@@ -55,13 +55,8 @@ class Continuation(Stepping[StepResult]):
 
     What has no solution, and cannot be shortened any more, ends it with NoEquilibrium or FormError.
 
-    Args:
-        solver: attempts them.
-        path: the load steps.
-        apply: changes the problem to what it is at a place.
-
-    Attributes:
-        ends: those with a solution, with what the residual says of them.
+    ``apply`` changes the problem to what it is at a place.  ``ends`` are the load steps with a solution, with what the
+    residual says of them.
     """
 
     def __init__(self, solver: EquilibriumSolver, path: LoadPath, apply: Callable[[float], object]) -> None:

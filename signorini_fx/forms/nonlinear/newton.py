@@ -291,8 +291,7 @@ class EquilibriumSolver(Stability):
     @property
     def _is_linear(self) -> bool:
         """Whether F is affine in the displacement, without a state, and contact is that of the undeformed body."""
-        foundations = self.linear.foundations
-        follows = foundations.moving or foundations.sliding
+        follows = self.linear.foundations.moving or self.linear.foundations.sliding
         return not follows and self.residual.update is None and self.tangents.bilinear is not None
 
     def _not_solved(self, inner: Status) -> Status:

@@ -170,12 +170,8 @@ def _conditions(linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values:
 
 @dataclass(frozen=True)
 class SolvedBody:
-    """A nonlinear body at a solution.
-
-    Attributes:
-        linear: the problem of the last iteration, with the foundations where they are.
-        mechanics: the forces and contact sides.
-        step: the solution as a load step.
+    """A nonlinear body at a solution: the problem of the last iteration, with the foundations where they are, and the
+    solution as a load step.
     """
 
     linear: LinearisedProblem
