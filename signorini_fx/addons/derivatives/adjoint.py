@@ -76,12 +76,6 @@ class LinearisedLaw:
             tied, slopes = np.zeros_like(tied), slopes + tied
         return (slopes if self.slips is None else slopes + slopes[:, :, 1:] @ self.slips) + tied
 
-    def by_bound(self, change: Nodal) -> Nodal:
-        """C of a change of the friction bound, stress, shape (n, d)."""
-        moving = length(self.slip) > 0
-        shear = np.where(moving, change, 0.0)[:, None] * self.slip
-        return np.column_stack((np.zeros(len(shear)), shear))
-
     def by_slips(self, owed: Nodal) -> Nodal:
         """What is owed to gaps and slips that the law prescribes, from what is owed to displacements, shape (n, d)."""
         if self.slips is None or not self.exact:
@@ -89,10 +83,6 @@ class LinearisedLaw:
         normal, along = self.slips[:, :, 0], np.eye(self.slips.shape[1]) + self.slips[:, :, 1:]
         slips = np.asarray(np.linalg.solve(along.transpose(0, 2, 1), owed[:, 1:, None])[:, :, 0], dtype=np.float64)
         return np.column_stack((owed[:, 0] - inner(slips, normal), slips))
-
-    def tied_tractions(self, tractions: Nodal) -> Nodal:
-        """E^T of them in the tied components, shape (n, d)."""
-        return np.where(self.tied, np.einsum("nji,nj->ni", self.spread, tractions), 0.0)
 
 
 def linearised(
@@ -182,8 +172,8 @@ class Adjoint:
 
     def derivative(self, by: Explicit, direct: float) -> float:
         """dJ/dp from what depends on p explicitly, and J_p; collective."""
-        changes = self.tied * by.relative + self.untied * self.law.by_bound(by.bound)
-        points = parallel.global_sum(self.psi.comm.tompi4py(), np.array(self.weight @ changes.sum(axis=1)))
+        changes = inner(self.tied, by.relative) + by.bound * inner(self.untied[:, 1:], self.law.slip)
+        points = parallel.global_sum(self.psi.comm.tompi4py(), np.array(self.weight @ changes))
         return float(direct - self.psi.dot(by.residual) - points)
 
 
@@ -194,7 +184,9 @@ class TransposedTangent:
 
     def __init__(self, system: ElasticSystem, law: LinearisedLaw, *, symmetric: bool = True) -> None:
         self.system, self._law = copy(system), law  # a Krylov system keeps the size of its forces
-        self._as_it_is, symmetric = not symmetric, symmetric and _symmetric(system, law)
+        blocks, transposed = law.tangent, np.ascontiguousarray(law.tangent.transpose(0, 2, 1))
+        askew = parallel.any_rank(system.comm, not np.array_equal(blocks, transposed))
+        self._as_it_is, symmetric = not symmetric, symmetric and not askew
         tangent = ContactTangent(self.system.matrix, self.system.contact)
         matrix = tangent.create()
         self.ksp = PETSc.KSP().create(system.comm)
@@ -205,8 +197,7 @@ class TransposedTangent:
             self.ksp.setFromOptions()
         if symmetric:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
-        blocks = law.tangent if self._as_it_is else np.ascontiguousarray(law.tangent.transpose(0, 2, 1))
-        tangent.insert(matrix, blocks)
+        tangent.insert(matrix, blocks if self._as_it_is else transposed)
 
     def _solve(self, right: PETSc.Vec, x: PETSc.Vec, forces: float) -> None:
         """Solve for one right-hand side, by a Krylov method to a residual against ``forces``; collective."""
@@ -248,7 +239,8 @@ class TransposedTangent:
             untied = moved - by_traction
             # A traction cannot move what supports prescribe, and so without regularisation it is none of the unknowns.
             unmoved = (np.abs(moved) <= SAME_NUMBER * length(moved)[:, None]) & law.exact
-            step = law.gamma * np.where(unmoved, 0.0, law.tied_tractions(untied))
+            tractions = np.where(law.tied, np.einsum("nji,nj->ni", law.spread, untied), 0.0)
+            step = law.gamma * np.where(unmoved, 0.0, tractions)
             chi = chi + step
             change, size = (parallel.largest(right.comm, np.abs(values)) for values in (step, chi))
             # Where statics alone determines the quantity chi is zero, and steps are the round-off of their terms.
@@ -271,12 +263,6 @@ class TransposedTangent:
         turned = np.einsum("nji,nj->ni", law.turning, untied)
         tied = law.by_slips(chi) + turned
         return Adjoint(right.displacement(psi), untied, tied, law, contact.points.weight)
-
-
-def _symmetric(system: ElasticSystem, law: LinearisedLaw) -> bool:
-    """Whether the tangent is symmetric; collective."""
-    blocks = law.tangent
-    return not parallel.any_rank(system.comm, not np.array_equal(blocks, blocks.transpose(0, 2, 1)))
 
 
 def _add(contact: ContactMap, tractions: Nodal, load: PETSc.Vec) -> None:
