@@ -216,7 +216,7 @@ def _by_difference(
 
     def evaluated(step: _Step | _LinearisedStep, quantities: Sequence[Functional]) -> Explicit:
         high, low = (
-            explicit(step.solved, now(step), quantities, step.earlier and (step.earlier, last(step)))
+            explicit(step.solved, now(step), quantities, None if step.earlier is None else (step.earlier, last(step)))
             for now, last in zip(at, before, strict=True)
         )
         return difference(high, low, change)

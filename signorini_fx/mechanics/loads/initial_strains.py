@@ -217,4 +217,5 @@ def given_strains(
     move_to(0)
     strains = [factor * effect.strain(on) for factor, effect in zip(factors, effects, strict=True)]
     moved = [amount * jump.on(space) for amount, jump in zip(amounts, jumps, strict=True)]
-    return *(sum(terms[1:], terms[0]) if terms else None for terms in (strains, moved)), move_to
+    strain, jump = (sum(terms[1:], terms[0]) if terms else None for terms in (strains, moved))
+    return strain, jump, move_to

@@ -181,7 +181,7 @@ class Polyline(Shape):
 
     def initial(self, x: Array) -> tuple[Array, Array]:
         corners = np.array(self.points)
-        pieces = np.arange(len(corners) - 1)[:, None] + [0, 1]
+        pieces = np.arange(len(corners) - 1)[:, None] + np.arange(2)
         if self.closed:  # the body is on the left of a clockwise line
             pieces[-1, 1] = 0
             pieces = pieces[::-1, ::-1] if self._area > 0 else pieces
