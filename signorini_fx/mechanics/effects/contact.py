@@ -147,13 +147,13 @@ class Contact(Effect):
         if self.bonded and self.against is None and self.tool is None:
             reason = "a bond needs the boundary of another body (against), or a foundation that force or moment moves"
             yield ("contact", number), reason
-        for key in ("distance", "adjust", "gap", "friction") if self.bonded else ():
-            if getattr(self, key) != type(self).model_fields[key].default:
+        stated = [key for key, field in type(self).model_fields.items() if getattr(self, key) != field.default]
+        for key in stated:
+            if self.bonded and key in ("distance", "adjust", "gap", "friction"):
                 yield ("contact", number, key), "a bond has none: both sides stay together as they lie"
+            if self.against is None and key in ("distance", "points", "sliding", "adjust"):
+                yield ("contact", number, key), "is for contact against another boundary"
         if self.against is None:
-            for key in ("distance", "points", "sliding", "adjust"):
-                if getattr(self, key) != type(self).model_fields[key].default:
-                    yield ("contact", number, key), "is for contact against another boundary"
             return
         if self.against == self.boundary:
             yield ("contact", number, "against"), "is the boundary itself: two bodies have two boundaries"
@@ -235,8 +235,5 @@ def _not_with_tools(statement: Any, number: int) -> Contradictions:
         if wrong and (reason := statement.kinematics.refuses.get("motion of a tool")):
             yield ("contact", number, "foundation", name), reason
     if any(contact.moves for contact in statement.contact):
-        foundation_path = ("contact", number, "foundation")
-        yield (
-            foundation_path,
-            "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both",
-        )
+        reason = "shift or rotation with t, here or elsewhere, and force, moment or prescribed: choose one of both"
+        yield ("contact", number, "foundation"), reason
