@@ -66,39 +66,28 @@ def solve(
     if callable(observers) or not all(map(callable, observers)):
         raise TypeError("observers: a list of functions is expected, such as [print_progress]")
     history = History(observers=list(observers))
-    solution = _solved(scene, comm, history, checkpoint, restart=restart)
-    if check and not solution.converged:
-        raise ConvergenceError(solution)
-    return solution
-
-
-def _solved(
-    scene: Scene,
-    comm: MPI.Comm,
-    history: History,
-    checkpoint: str | Path | None,
-    *,
-    restart: bool,
-) -> Solution:
-    """The solution, or the last iterate; arguments as for ``solve``."""
     stored = _checkpoint(scene, comm, history, checkpoint, restart=restart)
-    if scene.statement.nonlinear and scene.accuracy is None and scene.solver.levels == 1:
-        from signorini_fx.scenes.nonlinear import problem_of
-
-        return problem_of(scene, comm, history).solved(stored)
-    if scene.accuracy is None and not (coarse := coarser_scenes(scene, scene.solver.levels)):
-        return solve_mesh(scene.statement, partial(load_mesh, scene, comm), history, None, kept=stored)[0]
-    from signorini_fx.scenes.mesh_sequence import MeshedScene, meshes_of
-
     if scene.accuracy is not None:
+        from signorini_fx.scenes.mesh_sequence import meshes_of
         from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 
         budget = Budget.begins(scene.accuracy, comm, history)
-        return solve_to_accuracy(meshes_of(scene, scene.accuracy, comm, history), budget, history)
-    from signorini_fx.solving.meshed_problem import solve_nested
+        solution = solve_to_accuracy(meshes_of(scene, scene.accuracy, comm, history), budget, history)
+    elif coarse := coarser_scenes(scene, scene.solver.levels):
+        from signorini_fx.scenes.mesh_sequence import MeshedScene
+        from signorini_fx.solving.meshed_problem import solve_nested
 
-    meshes = [MeshedScene(comm=comm, history=history, scene=each) for each in (*coarse, scene)]
-    return solve_nested(meshes, len(meshes), comm, history, stored)
+        meshes = [MeshedScene(comm=comm, history=history, scene=each) for each in (*coarse, scene)]
+        solution = solve_nested(meshes, len(meshes), comm, history, stored)
+    elif scene.statement.nonlinear:
+        from signorini_fx.scenes.nonlinear import problem_of
+
+        solution = problem_of(scene, comm, history).solved(stored)
+    else:
+        solution = solve_mesh(scene.statement, partial(load_mesh, scene, comm), history, None, kept=stored)[0]
+    if check and not solution.converged:
+        raise ConvergenceError(solution)
+    return solution
 
 
 def _checkpoint(
