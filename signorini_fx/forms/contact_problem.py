@@ -13,8 +13,8 @@ from petsc4py import PETSc
 from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
+from signorini_fx.forms.elasticity import NO_STRESS
 from signorini_fx.forms.given_forms import conditions_of, given_forms, settings_of
-from signorini_fx.forms.mechanics_of_forms import NO_STRESS
 from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState

@@ -1,28 +1,50 @@
-"""The elastic system of a user's forms: stiffness, loads, prescribed displacements and free rigid motions."""
+"""What forms say of a body: its stiffness, moduli and scales, its stresses, and what its certificate judges.
+
+Equilibrium is that of the user's forms: the action of ``a`` on the displacement and ``L`` are assembled anew, without
+the matrix.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from petsc4py import PETSc
 
+from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError
+from signorini_fx.forms.given_forms import Facets, GivenForms, Law
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
+from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, facet_entities, facet_nodes, marked_nodes
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
+from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
+from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
+from signorini_fx.results.certificate.equilibrium import Balance
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.tuned import NOTHING_LEFT
 
+if TYPE_CHECKING:
+    from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+    from signorini_fx.results.resultants import ActingForces, NamedForces
+    from signorini_fx.results.stresses import RawStresses
+
 Array = npt.NDArray[np.float64]
+NO_STRESS = "only the form knows the stresses: give stress=, a function of the displacement"
 
 
 def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> tuple[int, ...]:
@@ -152,3 +174,313 @@ def scales_of(
         boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
     )
     return Scales(dim, float(weights / compliance), size)
+
+
+# --- what results are made of -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormBody(SolidBody):
+    """A body that forms say all of; what depends on values in them is that of their present ones.
+
+    Attributes:
+        user_forms: what is assembled.
+        prescribed_dofs: which dofs of this rank are prescribed, ghosts included, and to what, shapes (dofs,).
+        form_scales: of lengths and stresses.
+        settled: whether the forms are those of the results, and not those of a later load step that has failed.
+    """
+
+    no_bounds: ClassVar[str] = "a guaranteed bound is for scenes, which state their loads and supports"
+
+    user_forms: GivenForms
+    prescribed_dofs: tuple[npt.NDArray[np.bool_], Array]
+    form_scales: Scales
+    settled: bool = True
+
+    @property
+    def scales(self) -> Scales:
+        """Forms state no materials."""
+        return self.form_scales
+
+    def load(self, system: ElasticSystem, step: float) -> Array:
+        """The system has those of the present values."""
+        return np.ones(1)
+
+    def balance(self, y: fem.Function, step: float) -> Balance:
+        """Of the present values of the forms, wherever ``step`` is."""
+        (a, L), (fixed, values), scales = self.user_forms.compiled, self.prescribed_dofs, self.form_scales
+        dim = self.dimension
+        nodes = np.arange(values.size // dim, dtype=np.int32)
+        internal = action((a,), y, nodes).reshape(-1, dim)
+        surface = BodyNodes(y.function_space)
+        supports = prescribed_nodes(fixed, values, y.function_space)
+        external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
+        return Balance(surface, internal, external, supports, scales, scales, nothing)
+
+    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
+        """Raw and recovered, with the estimate of its error, for which the traction of compiled forms is not known."""
+        from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+        from signorini_fx.results.stresses import RawStresses
+
+        forms, law, (fixed, _) = self.user_forms, self.user_forms.stress, self.prescribed_dofs
+        if law is None:
+            return NO_STRESS
+        all_ufl = all(isinstance(form, ufl.Form) for form in forms.original)
+
+        def projects() -> StressRecovery:
+            stress = stress_of(law, fem.Function(y.function_space), forms.parts)
+            residual = partial(residual_of, stress, forms, fixed) if all_ufl else lambda z: None
+            return StressRecovery(stress, lambda z: (lambda step: None, residual(z)))
+
+        return RawStresses(stress_of(law, y, forms.parts), projects, shared=shared)
+
+    def acting(self, y: fem.Function, step: float) -> ActingForces:
+        """What acts through the parts of the boundary that have names."""
+        from signorini_fx.results.resultants import ActingForces
+
+        balance, forms, (fixed, _) = self.balance(y, step), self.user_forms, self.prescribed_dofs
+        if not self.settled:
+            return ActingForces(balance, (), (), ())
+        return acting_on(balance, forms.boundaries, fixed, loads_of(forms, self.tagged, y))
+
+
+def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[NamedForces]:
+    """The loads of UFL forms, and what resists the displacement on the boundary, see ``ActingForces``; of compiled
+    forms nothing is known.  A load belongs to each part of the boundary that holds all facets of its integral;
+    collective.
+    """
+    comm, dim = forms.mesh.comm, forms.mesh.geometry.dim
+    nodes = np.arange(y.x.array.size // dim, dtype=np.int32)
+    (a, L) = forms.original
+    for form, resists in ((L, False), (a, True)):
+        for integral in form.integrals() if isinstance(form, ufl.Form) else ():
+            kind = integral.integral_type()
+            if kind not in ("exterior_facet", "cell") or (resists and kind == "cell"):
+                continue
+            with compiling():
+                compiled = fem.form(ufl.Form([integral]))
+            values = -action((compiled,), y, nodes) if resists else np.asarray(assemble(compiled))
+            if not parallel.any_rank(comm, bool(np.any(values))):
+                continue
+            if kind == "cell":
+                yield None, "body force", values.reshape(-1, dim)
+                continue
+            facets = exterior_facets(integral, forms.mesh)
+            for name in tagged.boundaries:
+                if not parallel.any_rank(comm, not np.isin(facets, tagged.facets(name)).all()):
+                    yield name, "springs" if resists else "traction", values.reshape(-1, dim)
+
+
+def acting_on(
+    balance: Balance,
+    boundaries: Mapping[str, Facets],
+    fixed: npt.NDArray[np.bool_],
+    loads: Iterable[NamedForces],
+    *,
+    displaced: bool = False,
+) -> ActingForces:
+    """What acts on a body whose supports are parts of its boundary: those at all of whose nodes the same components are
+    prescribed; at a node of two of them a component belongs to the later one; collective.
+    """
+    from signorini_fx.results.resultants import ActingForces
+
+    space, supports = balance.surface.space, list[str | None]()
+    by = np.full((fixed.size // space.dofmap.index_map_bs, space.dofmap.index_map_bs), -1, dtype=np.int64)
+    for number, (name, facets) in enumerate(boundaries.items()):
+        nodes = facet_nodes(space, facets)
+        free = ~fixed.reshape(by.shape)[nodes].all(axis=(0, 1))
+        held = parallel.global_sum(space.mesh.comm, free.astype(np.float64)) == 0
+        supports.append(name if held.any() else None)
+        by[marked_nodes(space, nodes.ravel())[:, None] & held] = number  # the owner of a node need not have the facet
+    balance, loads = replace(balance, supports=replace(balance.supports, by=by[: balance.surface.owned])), list(loads)
+    acted_on = {*supports, *(where for where, *_ in loads)}
+    return ActingForces(balance, supports, loads, [name for name in boundaries if name in acted_on], displaced)
+
+
+def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Array, space: fem.FunctionSpace) -> PrescribedNodes:
+    """What is prescribed component by component, as certificates take it: which dofs of this rank, ghosts included, and
+    to what, shapes (dofs,).
+    """
+    dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
+    here = fixed.reshape(-1, dim)[:owned]
+    return PrescribedNodes(here, values.reshape(-1, dim)[:owned], np.where(here, 0, -1))
+
+
+def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> ElementStress:
+    """The stress of a displacement by a law that gives it as UFL, shape (d, d), or in 2D (3, 3), linear in the strain
+    but for a stress without strain; collective.
+
+    The moduli are those at the middle of each cell.
+
+    Raises:
+        FormError: the law has another shape, is known at points of quadrature alone, or some strain has no stress.
+    """
+    mesh = y.function_space.mesh
+    dim, full_stress = mesh.geometry.dim, law(y)
+    if not hasattr(full_stress, "ufl_shape") or full_stress.ufl_shape not in ((dim, dim), (3, 3)):
+        shape = getattr(full_stress, "ufl_shape", "none")
+        raise FormError([("stress", f"has the shape {shape}; ({dim}, {dim}) or (3, 3) is needed")])
+    if _by_quadrature(full_stress):
+        raise FormError([("stress", "has a Function of a quadrature element, which has no values at other points")])
+    known = full_stress.ufl_shape[0] == 3  # else that out of the plane is not
+    kinematics = CARTESIAN[dim] if known else PLANE_STRESS
+    sigma = padded(full_stress, dim, full_stress[2, 2] if known else 0)
+    moduli = cellwise_moduli(_energy_by(law, law(fem.Function(y.function_space))), y.function_space)
+    try:
+        shear_modulus = None
+        if (lame := isotropic_moduli(moduli, dim, mesh)) is not None:
+            shear_modulus = fem.Function(fem.functionspace(mesh, ("DG", 0)))
+            shear_modulus.x.array[:] = lame[1]
+        return replace(cellwise_stress(y, kinematics, sigma, moduli, shear_modulus), parts=parts)
+    except np.linalg.LinAlgError:
+        raise FormError([("stress", "is zero for some strain: nothing can be measured in its energy")]) from None
+
+
+def cellwise_moduli(energy: Callable[[Any, Any], Any], space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+    """The components of the stress over those of the strain in the middle of each cell, shape (cells, m, m), see
+    ``cellwise_stress``, from the energy of two fields with one strain each; collective.
+
+    They are zero in the middle of the cell where they are taken, so that no hoop strain adds to theirs.
+    """
+    mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
+    dim, x = kinematics.dimension, ufl.SpatialCoordinate(mesh)
+    of_cells = fem.functionspace(mesh, ("DG", 0))
+    cellwise, *middle = (fem.Function(of_cells) for _ in range(1 + dim))
+    for k, function in enumerate(middle):
+        function.interpolate(lambda points, k=k: points[k])
+    x = x - ufl.as_vector(middle)
+    axes = [ufl.unit_vector(k, dim) for k in range(dim)]
+    strained = [(x[i] * axes[j] + x[j] * axes[i]) / 2 for i, j in kinematics.pairs]  # one strain, or twice a shear
+    # One expression, which constants make that of each pair of fields.
+    factors = [fem.Constant(mesh, np.zeros(len(strained))) for _ in range(2)]
+    fields = [sum(factor[k] * field for k, field in enumerate(strained)) for factor in factors]
+    with compiling():
+        modulus = fem.Expression(energy(*fields), compat.interpolation_points(of_cells.element))
+    moduli = np.empty((cellwise.x.array.size, len(strained), len(strained)))
+    for pair in np.ndindex(moduli.shape[1:]):
+        for factor, k in zip(factors, pair, strict=True):
+            factor.value[:] = np.arange(len(strained)) == k
+        cellwise.interpolate(modulus)
+        moduli[:, pair[0], pair[1]] = cellwise.x.array
+    return moduli
+
+
+def _energy_by(law: Law, at_rest: Any) -> Callable[[Any, Any], Any]:
+    """The energy of two fields z and y by a law, sigma(y) : grad z."""
+
+    def energy(z: Any, y: Any) -> Any:
+        stress, slopes = law(y) - at_rest, ufl.grad(z)
+        return sum(stress[k] * slopes[k] for k in np.ndindex(slopes.ufl_shape))
+
+    return energy
+
+
+def isotropic_moduli(
+    moduli: npt.NDArray[np.float64], dim: int, mesh: dmesh.Mesh
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
+    """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell of some rank is not isotropic;
+    collective.
+    """
+    mu, lame = moduli[:, -1, -1], moduli[:, 0, 1]
+    isotropic = np.zeros_like(moduli)
+    isotropic[:, :dim, :dim] = lame[:, None, None]
+    diagonal = np.arange(moduli.shape[2])
+    isotropic[:, diagonal, diagonal] += np.where(diagonal < dim, 2.0, 1.0) * mu[:, None]
+    apart = np.abs(moduli - isotropic).max(initial=0.0) > NOTHING_LEFT * np.abs(moduli).max(initial=0.0)
+    if parallel.any_rank(mesh.comm, bool(apart)):
+        return None
+    return lame, mu
+
+
+def natural_modulus(law: Law | None, a: Any, measures: set[Any], space: fem.FunctionSpace) -> float | None:
+    """Young's modulus of the stiffest cell, the natural unit of stress, as of a scene: from the stress, or from the
+    form, divided by the UFL that contact is multiplied by; None: it is not isotropic, or cannot be evaluated;
+    collective.
+    """
+    mesh, dim = space.mesh, space.mesh.geometry.dim
+    if law is not None and not measures:
+        at_rest = law(fem.Function(space))
+        if getattr(at_rest, "ufl_shape", None) not in ((dim, dim), (3, 3)) or _by_quadrature(at_rest):
+            return None
+        energy = _energy_by(law, at_rest)
+    else:
+        integrals = a.integrals_by_type("cell") if isinstance(a, ufl.Form) else ()
+        everywhere = all(integral.subdomain_id() == "everywhere" for integral in integrals)
+        # Of several measures none is known to be that of the energy.
+        if not integrals or is_section(mesh) or not everywhere or len(measures) > 1:
+            return None
+        whole = sum(integral.integrand() for integral in integrals) / next(iter(measures), 1)
+        if _by_quadrature(whole):
+            return None
+
+        def energy(z: Any, y: Any) -> Any:
+            return ufl.replace(whole, dict(zip(a.arguments(), (z, y), strict=True)))
+
+    lame = isotropic_moduli(cellwise_moduli(energy, space), dim, mesh)
+    if lame is None:
+        return None
+    first, shear = lame
+    with np.errstate(divide="ignore", invalid="ignore"):
+        young = shear * (3 * first + 2 * shear) / (first + shear)
+    largest = float(parallel.largest(mesh.comm, young, 0.0))
+    return largest if 0.0 < largest < np.inf else None
+
+
+def _by_quadrature(expression: Any) -> bool:
+    """Whether it has a Function of a quadrature element, which has no values in the middle of a cell."""
+    coefficients = ufl.algorithms.extract_coefficients(expression)
+    return any(getattr(function.ufl_element(), "has_custom_quadrature", False) for function in coefficients)
+
+
+def residual_of(stress: ElementStress, forms: GivenForms, fixed: npt.NDArray[np.bool_], z: Any) -> Any:
+    """The squared residual of the traction that UFL forms prescribe, see ``squared_residual``; ``z``: a test function,
+    constant in each cell; collective.
+
+    It is known off the contact in the components that are not prescribed.
+    """
+    from signorini_fx.results.accuracy.stress_recovery import squared_residual
+
+    space = stress.displacement.function_space
+    mesh, dim = space.mesh, stress.kinematics.dimension
+    touching = np.concatenate([np.zeros(0, np.int32), *forms.facets, *forms.masters.values()])
+    exterior = dmesh.exterior_facet_indices(mesh.topology)
+    traction_facets = np.setdiff1d(exterior, touching).astype(np.int32)
+    held = fixed.reshape(-1, dim)[facet_nodes(space, traction_facets)].all(axis=1)
+    integrals = [integral for form in forms.original for integral in form.integrals_by_type("exterior_facet")]
+    on = [np.isin(traction_facets, exterior_facets(integral, mesh)) for integral in integrals]
+
+    def of(numbers: npt.NDArray[np.int64], residual: Any) -> tuple[Any, list[Any], bool]:
+        varies = False
+        for number in numbers[numbers >= dim]:
+            traction = _traction(integrals[number - dim].integrand(), stress.displacement)
+            varies = varies or ufl.algorithms.estimate_total_polynomial_degree(traction) > 0
+            residual = residual + traction
+        free = [0.0 if k in numbers else residual[k] for k in range(dim)]
+        return ufl.as_vector(free), [], varies
+
+    return squared_residual(stress, traction_facets, np.column_stack((held, *on)), of, z)
+
+
+def _traction(integrand: Any, y: fem.Function) -> Any:
+    """What an integral over the boundary prescribes, as a vector: of L with its sign, of a(y, .) minus that."""
+    *trial, test = sorted(ufl.algorithms.extract_arguments(integrand), key=lambda argument: -int(argument.number()))
+    dim = len(y)
+    parts = [ufl.replace(integrand, {test: ufl.unit_vector(k, dim), **dict.fromkeys(trial, y)}) for k in range(dim)]
+    return (-1 if trial else 1) * ufl.as_vector(parts)
+
+
+def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Facets:
+    """The exterior facets of this rank that an integral is over."""
+    data, wanted = integral.subdomain_data(), integral.subdomain_id()
+    wanted = wanted if isinstance(wanted, tuple) else (wanted,)
+    if data is None or "everywhere" in wanted:
+        return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
+    if hasattr(data, "values"):
+        return np.asarray(data.indices[np.isin(data.values, wanted)])
+    pairs = np.concatenate([np.empty(0, int), *(entities for number, entities in data if number in wanted)]).reshape(
+        -1, 2
+    )
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim, dim - 1)
+    of_cell = mesh.topology.connectivity(dim, dim - 1)
+    return np.asarray(of_cell.array[of_cell.offsets[pairs[:, 0]] + pairs[:, 1]])

@@ -22,9 +22,8 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import Array, digest, elastic_body, scales_of
+from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, natural_modulus, scales_of
 from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts
-from signorini_fx.forms.mechanics_of_forms import FormBody, natural_modulus
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import assemble

@@ -30,8 +30,8 @@ from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.corealg.multifunction import MultiFunction
 
 from signorini_fx.algebra import Settings
+from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
 from signorini_fx.forms.given_forms import Facets, conditions_of, model_of, named_parts
-from signorini_fx.forms.mechanics_of_forms import acting_on, prescribed_nodes
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
