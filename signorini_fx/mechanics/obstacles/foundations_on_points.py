@@ -40,7 +40,7 @@ from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, driven_twice, rigid_bodies
 from signorini_fx.mechanics.statement.rigid_shape import Distance, Shape, distance_from
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
-from signorini_fx.tuned import ROOT_OF_EPS, SAME_NUMBER
+from signorini_fx.tuned import DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER
 
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
@@ -382,10 +382,10 @@ class Foundations:
             return (given + self._distance_of(number) if number in self._distances else given), None
         if not pair.by_geometry:
             return given, None
-        from signorini_fx.mechanics.pairs.mortar_coupling import closed_within
-
-        gap = given.copy()
-        gap[pair.sides.local(pair.coupling.nodes)] += closed_within(pair.coupling.gap, contact.adjust)
+        gap, distance = given.copy(), pair.coupling.gap
+        if contact.adjust is not None:
+            distance = np.where(distance <= (1.0 + DIGITS_OF_FILES) * contact.adjust, 0.0, distance)
+        gap[pair.sides.local(pair.coupling.nodes)] += distance
         return gap, given
 
     @cached_property

@@ -154,7 +154,7 @@ def mirrored(slave: PairSurface, master: PairSurface, *at_rest: tuple[Array, Fla
             supports hold it where it is, shape (N, d).
     """
     (frames, held), (axes, master_held) = at_rest
-    projectors, ends = np.zeros_like(frames), [side.x[np.unique(side.nodes)] for side in (slave, master)]
+    projectors = np.zeros_like(frames)
     nodes, columns = np.nonzero(held & slave.nodal_normals.any(axis=1)[:, None])
     across = frames[nodes, :, columns]
     along_side = np.abs(np.einsum("ni,ni->n", slave.nodal_normals[nodes], across)) <= ASKEW_NORMAL
@@ -165,15 +165,15 @@ def mirrored(slave: PairSurface, master: PairSurface, *at_rest: tuple[Array, Fla
     if not nodes.size or not master_held.any():
         return projectors
     size = max(float(np.linalg.norm(np.ptp(side.corners, axis=1), axis=1).max()) for side in (slave, master))
-    within, reach = DIGITS_OF_FILES * size, size + cKDTree(ends[1]).query(slave.x[nodes])[0]
+    within, reach = DIGITS_OF_FILES * size, size + cKDTree(master.x).query(slave.x[nodes])[0]
     _, first, direction = np.unique(np.round(across, 9), axis=0, return_index=True, return_inverse=True)
     for number, outward in enumerate(across[first]):
         along = np.einsum("nik,i->nk", axes, outward)
         held_across = np.linalg.norm(np.where(master_held, 0.0, along), axis=1) < DIGITS_OF_FILES
         for normal in (outward, -outward):  # both sides ahead, and both behind
-            plane = (ends[0] @ normal).min() + within
+            plane = (slave.x @ normal).min() + within
             partners = np.flatnonzero(held_across & (master.x @ normal <= plane))
-            if partners.size and (ends[1] @ normal).min() >= plane - 2 * within:
+            if partners.size and (master.x @ normal).min() >= plane - 2 * within:
                 near = cKDTree(master.x[partners]).query(slave.x[nodes])[0] <= reach
                 found = nodes[near & (slave.x[nodes] @ normal <= plane) & (direction.ravel() == number)]
                 projectors[found] += np.outer(normal, normal)

@@ -36,7 +36,7 @@ from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, cons
 from signorini_fx.mechanics.pairs.overlap import patches, plane_overlap, space_overlap, turned
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, beside, turning_of, without_round_off
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, DIGITS_OF_FILES, NEGLIGIBLE, SAME_NUMBER
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, NEGLIGIBLE, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -92,11 +92,6 @@ class Coupling:
     def gap(self) -> Array:
         """n_i . d_i, length, shape (n,)."""
         return np.einsum("nd,nd->n", self.normal, self.distance)
-
-
-def closed_within(gap: Array, limit: float | None) -> Array:
-    """A gap, zero where it is at most a limit; None: there is no such limit."""
-    return gap if limit is None else np.where(gap <= (1.0 + DIGITS_OF_FILES) * limit, 0.0, gap)
 
 
 @dataclass(frozen=True)
@@ -215,9 +210,8 @@ def couple(
         PairingError: no facet finds a partner, one finds two sheets of them, the bodies lie inside each other, or no
             point takes over the functions of some facets.
     """
-    used = [side.x[np.unique(side.nodes)] for side in (slave, master)]
     if reach is None:
-        reach = default_reach(*used)
+        reach = default_reach(slave.x, master.x)
     whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
     tested = whole.moving(held, bonded=bonded)
     fixed = constrained(held.movable(tested.products[1]))
@@ -231,7 +225,7 @@ def couple(
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
     coupling = coupled(tested, nodes, shares, nominal=nominal)
-    size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in used)
+    size = min(float(np.linalg.norm(np.ptp(x, axis=0))) for x in (slave.x, master.x))
     if (deepest := parallel.largest(comm, -coupling.gap, -np.inf)) > DEEPEST_OVERLAP * size:
         raise PairingError(
             f"its facets lie up to {deepest:.3g} behind those of the other side, of a size of {size:.3g}: check the "
