@@ -252,8 +252,6 @@ def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData
     Zero in 2D once the sets repeat.  In 3D a direction may still change while the sets stay the same.
     """
     pressure, mu = multipliers(sets, u_n, u_t, data)
-    if data.bound is None:
-        return np.zeros_like(pressure)
     return length(mu - onto_disc(trial_shear(u_t, data), data.friction_bound(pressure)))
 
 

@@ -66,11 +66,12 @@ class KrylovSystem(ElasticSystem):
 
         Without the room for contact: aggregates follow the pattern, and would mix what only contact joins.
         """
-        from signorini_fx.algebra.linalg.rigid_unknowns import of_nodes
-
         e = self.elasticity
         if self.rigid:
-            nodes = of_nodes(e.matrix, e.rigid)
+            first, last = e.matrix.getOwnershipRange()
+            of_nodes = PETSc.IS().createStride(last - first - e.rigid, first, 1, comm=self.comm)
+            nodes = e.matrix.createSubMatrix(of_nodes, of_nodes)
+            nodes.setOption(PETSc.Mat.Option.SPD, True)
             self._tell(nodes)
             fixed = self.contact.fixed
             diagonal = e.matrix.getDiagonal().getArray(readonly=True)
@@ -106,7 +107,7 @@ class KrylovSystem(ElasticSystem):
         ksp.setTolerances(rtol=LEFT_BY_SOLVES, max_it=KRYLOV_STEPS)
         pc = ksp.getPC()
         if is_by_blocks(self.matrix):
-            use_entries(pc, self._as_aggregation)
+            use_entries(pc, lambda inner: inner.setType(PETSc.PC.Type.GAMG))
         else:
             pc.setType(PETSc.PC.Type.GAMG)
         contact = int(parallel.global_sum(self.comm, np.array(self._touched.size)))
@@ -120,13 +121,6 @@ class KrylovSystem(ElasticSystem):
         ksp.setPreSolve(weakly(self._begin))
         # A tolerance of the user's is one of the residual that the exact solve at the contact unknowns leaves.
         call("KSPConvergedDefaultSetUIRNorm", ksp)
-
-    def _as_aggregation(self, pc: PETSc.PC) -> None:
-        """Smoothed aggregation alone, of the entries of a matrix by blocks."""
-        if self.elasticity.level is not None:
-            pc.getOperators()[0].setNearNullSpace(self.elasticity.level.modes())
-        pc.setType(PETSc.PC.Type.GAMG)
-        pc.setFromOptions()
 
     def factorise(self, ksp: PETSc.KSP, *, symmetric: bool) -> bool:
         """Where the user has chosen no solver, and a factor, without symmetry two of them, fits into the memory."""

@@ -17,15 +17,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.tuned import KRYLOV_STEPS, NOTHING_LEFT, SAME_NUMBER
 
 
-def of_nodes(matrix: PETSc.Mat, rigid: int) -> PETSc.Mat:
-    """A copy of A without its last unknowns on this rank, those of rigid bodies; collective."""
-    first, last = matrix.getOwnershipRange()
-    rows = PETSc.IS().createStride(last - first - rigid, first, 1, comm=matrix.comm)
-    submatrix = matrix.createSubMatrix(rows, rows)
-    submatrix.setOption(PETSc.Mat.Option.SPD, True)
-    return submatrix
-
-
 def with_rigid_bodies(
     interpolations: tuple[PETSc.Mat, ...],
     coarse: tuple[PETSc.Mat, ...],
@@ -76,9 +67,7 @@ def relative_to_rigid_bodies(contact: ContactMap, places: PETSc.IS, rigid: int) 
     ksp.setTolerances(rtol=SAME_NUMBER, max_it=KRYLOV_STEPS)
     motion, moved = operator.createVecs()
     unit = contact.operator.createVecRight()
-    numbers = parallel.gather_rows(comm.tompi4py(), unknowns[nodes:, None].astype(np.float64))[:, 0].astype(
-        PETSc.IntType
-    )
+    numbers = parallel.gather_rows(comm.tompi4py(), unknowns[nodes:])
     motions = np.empty((nodes, count))
     for column, number in enumerate(numbers):
         unit.set(0.0)

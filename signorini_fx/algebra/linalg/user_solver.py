@@ -58,12 +58,16 @@ class UserSystem(ElasticSystem):
         assert self.solver is not None
         solver, pc = self.solver(), ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(
-            SimpleNamespace(
-                setUp=called_back(lambda pc: solver.set_up(pc.getOperators()[1])),
-                apply=called_back(lambda pc, b, x: solver.solve(b, x)),
-            )
-        )
+
+        @called_back
+        def set_up(pc: PETSc.PC) -> None:
+            solver.set_up(pc.getOperators()[1])
+
+        @called_back
+        def apply(pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
+            solver.solve(b, x)
+
+        pc.setPythonContext(SimpleNamespace(setUp=set_up, apply=apply))
         ksp.setPostSolve(_judge)
 
     def keep_factor(self, ksp: PETSc.KSP, unchanged: bool, forces: float, *, exact: bool = False) -> bool:
