@@ -66,8 +66,7 @@ def no_balance(
             known: only if it can move off without touching, because strains may press it on otherwise.
 
     Returns:
-        How the first assembly moves away that does, of those that loads drive, then of others; None if that is not
-        proved of any of them.
+        How the first assembly moves away, of those that loads drive, then of others; None: not proved of any.
     """
     if not load.size:
         return None

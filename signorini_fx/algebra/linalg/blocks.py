@@ -168,7 +168,7 @@ def by_entries(matrix: PETSc.Mat) -> PETSc.Mat:
     rows, added = context.rows, context.added
     csr = rows.starts.astype(PETSc.IntType), rows.names[rows.columns].astype(PETSc.IntType), rows.blocks
     copied = PETSc.Mat().createBAIJ(matrix.getSizes(), rows.size, csr=csr, comm=matrix.comm)
-    entries = row_by_row(copied.convert(PETSc.Mat.Type.AIJ))
+    entries = copied.convert(PETSc.Mat.Type.AIJ)
     if added is not None:
         entries.axpy(1.0, added, structure=DIFFERENT_PATTERN)
     return row_by_row(entries)

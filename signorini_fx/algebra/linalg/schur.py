@@ -28,13 +28,9 @@ Indices = npt.NDArray[np.int64]
 class SchurComplement:
     """A condensed onto some of its unknowns; collective, as all its methods are.
 
-    Args:
-        matrix: A, symmetric, of which A_ii must be regular, on several ranks positive definite.
-        retained: local numbers of the dofs c of this rank that stay; those of all ranks stacked are in the order of the
-            dense matrix.
-        loads: right-hand sides b, the entries of this rank.
-        positions: see ``PartialFactor``.
-        definite: whether A_ii is positive definite.
+    ``matrix``: A, symmetric, of which A_ii must be regular, on several ranks positive definite; ``retained``: local
+    numbers of the dofs c of this rank that stay; those of all ranks stacked are in the order of the dense matrix;
+    ``loads``: right-hand sides b, the entries of this rank; ``positions``: see ``PartialFactor``.
 
     Attributes:
         dense: A_cc - A_ci A_ii^-1 A_ic, symmetric, the same on all ranks.
