@@ -125,8 +125,8 @@ class Checkpoint:
         functions = {"displacement": displacement, **(beside or {})}
         fields = {name: _by_cell(function) for name, function in functions.items()}
         moved = displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
-        columns = {"part": boundary.part, "x": boundary.x, "y": moved, **nodal}
-        table = {name: parallel.rows_on_root(self._comm, values) for name, values in columns.items()}
+        columns: dict[str, Any] = {"part": boundary.part, "x": boundary.x, "y": moved, **nodal}
+        table: dict[str, Any] = {name: parallel.rows_on_root(self._comm, values) for name, values in columns.items()}
 
         def finish() -> None:
             try:

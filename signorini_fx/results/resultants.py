@@ -234,7 +234,8 @@ class Resultants:
         held = [number for number, name in enumerate(self.acting.supports) if name == boundary is not None]
         by_cause = dict[str, Array]()
         if held:
-            by_cause["support"] = sum(self.acting.balance.supports.taken(self._reactions, number) for number in held)
+            taken = [self.acting.balance.supports.taken(self._reactions, number) for number in held]
+            by_cause["support"] = np.sum(taken, axis=0)
         for where, cause, values in self.acting.loads:
             if where == boundary:
                 by_cause[cause] = by_cause.get(cause, 0.0) + values

@@ -108,7 +108,7 @@ def estimated_cost(model: Model) -> Cost:
     """
     comm, n, dim = model.comm, model.dofs, model.tagged.dimension
     touching = 0 if model.boundary is None else np.unique(model.boundary.nodes).size
-    nodes, free = parallel.global_sum(comm, np.array([touching, np.count_nonzero(~model.fixed)])).tolist()
+    nodes, free = map(int, parallel.global_sum(comm, np.array([touching, np.count_nonzero(~model.fixed)])))
     factorisation = factorisation_seconds(n, dim)
     solves = linear_solves(model.statement, nodes)
     matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries

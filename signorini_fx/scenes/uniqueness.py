@@ -132,7 +132,7 @@ def _critical(stiffness: Nodal, normal: int, beside: npt.NDArray[np.int64], size
     one and its coefficient.
     """
     # In units of the stiffness, so that nodal compliance is of order one.
-    stiffness = stiffness / float(np.abs(stiffness).max())
+    stiffness = np.asarray(stiffness / np.abs(stiffness).max(), dtype=np.float64)
     values, vectors = np.linalg.eigh(stiffness)
     held = values > NOTHING_LEFT * values[-1]
     if np.abs(vectors[normal:, ~held]).max(initial=0.0) > NOTHING_LEFT**0.5:

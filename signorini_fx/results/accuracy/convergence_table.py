@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -83,8 +84,9 @@ def convergence_table(
                 elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
                 errors["peak"] = error + elsewhere + level.loads + polygon_error_of("peak", level.polygon)
         errors["zone"] = border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
-        known = {name: getattr(level, name) for name in Price.model_fields if name not in (*errors, "predicted")}
-        rows.append(Price(**known, **errors, predicted=False))
+        row: dict[str, Any] = {**errors, "predicted": False}
+        row |= {name: getattr(level, name) for name in Price.model_fields if name not in row}
+        rows.append(Price(**row))
     last = levels[-1]
     following = predict(rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from)
     return [*rows, following]
