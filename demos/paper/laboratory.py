@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from signorini_fx import Scene, Status, solve
 from signorini_fx.algebra.contact.complementarity import project
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import History, Timings
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.solution import Solution
@@ -91,7 +91,7 @@ def inexact_alm(scene: Scene, most_solves: int, growth: float) -> Iterator[tuple
     Yields:
         For each problem the number of linear solves, and the projected pressure and shear.
     """
-    discretisation = discretise(scene.statement, load_mesh(scene, COMM), Timings())
+    discretisation = prepare(scene.statement, load_mesh(scene, COMM), Timings())
     task = contact_task(discretisation, History())
     newton, data, sets = task.newton, task.start.data, task.start.sets
     while True:

@@ -29,13 +29,13 @@ from signorini_fx.mechanics.body.nonlinear_law import (
     stress_parts,
     volume_degree,
 )
-from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, element_at_points
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
 from signorini_fx.results.resultants import NamedForces
-from signorini_fx.results.stresses import PointStress, RawStresses, through_points
+from signorini_fx.results.stresses import PointStress, RawStresses
 
 Array = npt.NDArray[np.float64]
 # Displacements at the ends of load steps, the first one first, with their places in the lists of factors.
@@ -51,12 +51,13 @@ class NonlinearForces(NodalForces):
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
         super().__init__(at_rest(statement), tagged, space)
-        self._nonlinear, self._u, self._path = statement, fem.Function(space), tuple[tuple[fem.Function, float], ...]()
+        self._stated, self._u = (statement, tagged), fem.Function(space)
+        self._path: tuple[tuple[fem.Function, float], ...] = ()
 
     @cached_property
     def _body(self) -> BodyResidual:
         """The work of the stress at the displacement of its own."""
-        return body_residual(self._nonlinear, self.tagged, self._u)
+        return body_residual(*self._stated, self._u)
 
     def _move_to(self, displacement: fem.Function, step: float) -> None:
         """Take a displacement and a place."""
@@ -100,15 +101,14 @@ class NonlinearForces(NodalForces):
         self._move_to(*path[-1])
         self._body.update()
         degree = max(1, strain_degree(self.space, self.kinematics))
-        cell_type = getattr(basix.CellType, self.space.mesh.topology.cell_name())
-        points, weights = basix.make_quadrature(cell_type, degree)
-        reduced = volume_degree(self._nonlinear, self.tagged)
-        fewer, their_weights = (points, weights) if reduced is None else basix.make_quadrature(cell_type, reduced)
-        mesh = self.space.mesh
+        mesh, cell, reduced = self.space.mesh, self.space.mesh.topology.cell_name(), volume_degree(*self._stated)
+        points, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
+        through = None if reduced is None else element_at_points(cell, reduced).basix_element
+        fewer = points if through is None else through.points
         owned = int(mesh.topology.index_map(mesh.topology.dim).size_local)
         x = _evaluated(ufl.SpatialCoordinate(mesh), points, mesh, np.arange(owned, dtype=np.int32))
         stress, mean = (np.zeros((owned, len(at), 3, 3)) for at in (points, fewer))
-        for material in self._nonlinear.material:
+        for material in self._stated[0].material:
             parts = stress_parts(material, self._u, self.kinematics, self._body.free)
             for part, at, values in zip(parts, (points, fewer), (stress, mean), strict=True):
                 if part is not None:
@@ -121,9 +121,8 @@ class NonlinearForces(NodalForces):
             if reached is not None:
                 plastic = np.zeros(stress.shape[:2]) if plastic is None else plastic
                 plastic[state.cells] = reached.reshape(state.current.shape[:2])
-        if reduced is not None:
-            degree = self.space.element.basix_element.degree - 1
-            mean = np.einsum("pq,cqij->cpij", _between(cell_type, degree, fewer, their_weights, points), mean)
+        if through is not None:
+            mean = np.einsum("pq,cqij->cpij", through.tabulate(0, points)[0, :, :, 0], mean)
         return PointStress(points, weights, x[..., : points.shape[1]], stress + mean, plastic)
 
 
@@ -142,14 +141,3 @@ def nonlinear_stresses(model: Model, forces: NonlinearForces, path: Path) -> Raw
     tensor = at_points.on_cells(at_points.stress, space.mesh, space.element.basix_element.degree - 1, "stress")
     stress = ElementStress(path[-1][0], forces.kinematics, tensor, lambda _: None, None, None)
     return RawStresses(stress, None, model=model, at_points=at_points)
-
-
-def _between(cell_type: basix.CellType, degree: int, points: Array, weights: Array, wanted: Array) -> Array:
-    """What takes values at points, shape (q, t), to those at others, shape (p, t), of the nearest polynomial of a
-    degree, or of the largest below it that the points determine, shape (p, q).
-    """
-    family, variant = basix.ElementFamily.P, basix.LagrangeVariant.gll_warped
-    element = basix.create_element(family, cell_type, degree, variant, discontinuous=degree == 0)
-    if (coefficients := through_points(element, points, weights)) is None:
-        return _between(cell_type, degree - 1, points, weights, wanted)
-    return np.asarray(element.tabulate(0, wanted)[0, :, :, 0] @ coefficients)

@@ -214,9 +214,9 @@ class PointStress:
         """
         function = fem.Function(fem.functionspace(mesh, ("DG", degree, values.shape[2:])), name=name)
         space, rows = function.function_space, values.reshape(*self.x.shape[:2], math.prod(values.shape[2:]))
-        coefficients = through_points(space.element.basix_element, self.points, self.weights)
-        assert coefficients is not None
-        fitted = np.einsum("nq,cqm->cnm", coefficients, rows)
+        root = np.sqrt(self.weights)[:, None]
+        basis = root * space.element.basix_element.tabulate(0, self.points)[0, :, :, 0]
+        fitted = np.einsum("nq,cqm->cnm", np.linalg.pinv(basis) * root.T, rows)
         if values.ndim == 2:
             fitted = np.clip(fitted, rows.min(axis=1, keepdims=True), rows.max(axis=1, keepdims=True))
         function.x.array.reshape(-1, rows.shape[2])[space.dofmap.list[: len(rows)]] = fitted
@@ -346,19 +346,11 @@ class RawStresses(StressFields):
         """
         finite = not parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all())
         raw, recovered = self._extremes(), self.recovered._extremes() if finite and self.recovers else {}
-        remarks = self._remarks([*raw.values(), *recovered.values()], finite=finite)
-
-        def rows(extremes: dict[str, Extreme]) -> dict[str, Any]:
-            return {
-                name: {"value": entry.value, "place": list(entry.place), **remarks[entry]}
-                for name, entry in extremes.items()
-            }
-
-        return {
-            **rows(raw),
-            "recovered": rows(recovered) if recovered else None,
-            "error": self.error if finite else None,
-        }
+        rows, recovered_rows = (
+            {name: self._told(entry, finite=finite) for name, entry in extremes.items()}
+            for extremes in (raw, recovered)
+        )
+        return {**rows, "recovered": recovered_rows or None, "error": self.error if finite else None}
 
     def utilisation(self) -> dict[str, Any] | None:
         """The largest share of the yield stress, of raw and recovered stress the one that uses more, and where,
@@ -375,27 +367,19 @@ class RawStresses(StressFields):
         largest = max((fields.utilised(limit) for fields in (self, self.recovered)), key=lambda entry: entry.value)
         return self._told(largest)
 
-    def _told(self, extreme: Extreme) -> dict[str, Any]:
-        """Value, place and remarks of an extreme, where the displacement is finite, JSON-safe; collective."""
-        return {"value": extreme.value, "place": [*extreme.place], **self._remarks([extreme], finite=True)[extreme]}
-
-    def _remarks(self, extremes: Sequence[Extreme], *, finite: bool) -> dict[Extreme, dict[str, Any]]:
-        """What is said of each extreme: the part of the body, if there are several, and of a linear one why there is no
-        limit; nothing where the forms alone are known; ``finite``: whether the displacement is; collective.
+    def _told(self, extreme: Extreme, *, finite: bool = True) -> dict[str, Any]:
+        """An extreme, with the part of the body, if there are several, and of a linear one why there is no limit;
+        nothing of both where the forms alone are known; ``finite``: whether the displacement is; JSON-safe; collective.
         """
+        told: dict[str, Any] = {"value": extreme.value, "place": [*extreme.place]}
         if (model := self.model) is None:
-            return {extreme: {} for extreme in extremes}
-        reasons = dict[tuple[float, ...], str | None]()
-        if finite and self.recovers:
-            places = dict.fromkeys(entry.place for entry in extremes)
-            reasons = {point: why_no_limit(model, point) for point in places}
+            return told
         regions = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
-
-        def remark(extreme: Extreme) -> dict[str, Any]:
-            named = {"region": part_of(model, extreme.cell, regions)} if len(regions) > 1 else {}
-            return named | ({"no_limit": reasons[extreme.place]} if reasons else {})
-
-        return {extreme: remark(extreme) for extreme in extremes}
+        if len(regions) > 1:
+            told["region"] = part_of(model, extreme.cell, regions)
+        if finite and self.recovers:
+            told["no_limit"] = why_no_limit(model, extreme.place)
+        return told
 
 
 def von_mises_of(sigma: Nodal) -> Nodal:
@@ -458,13 +442,3 @@ def interpolated(expression: Any, space: fem.FunctionSpace, name: str = "f") -> 
         compiled = fem.Expression(expression, compat.interpolation_points(space.element), dtype=default_scalar_type)
     function.interpolate(compiled)
     return function
-
-
-def through_points(element: Any, points: Nodal, weights: Nodal) -> Nodal | None:
-    """What takes values at points of a reference cell to the coefficients of the nearest function of a Lagrange
-    element, shape (n, q); None: the points do not determine it; ``element``: of basix, with n functions; ``points``:
-    shape (q, t); ``weights``: shape (q,).
-    """
-    root = np.sqrt(weights)[:, None]
-    basis = root * element.tabulate(0, points)[0, :, :, 0]
-    return np.asarray(np.linalg.pinv(basis) * root.T) if np.linalg.matrix_rank(basis) == basis.shape[1] else None

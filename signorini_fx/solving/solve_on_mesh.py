@@ -14,8 +14,9 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.linalg import Elasticity, ElasticSystem
 from signorini_fx.algebra.linalg.choice import SystemSize, choose_system
+from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.averages import from_owners
-from signorini_fx.mechanics.body.discretisation import discretise, moved_since, placed
+from signorini_fx.mechanics.body.discretisation import moved_since, placed, prepare
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -60,7 +61,12 @@ def solve_mesh(
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load()
-    model = StatedBody.of(discretise(statement, tagged, timings))
+    free_unused(tagged.mesh)
+    model = StatedBody.of(prepare(statement, tagged, timings))
+    with timings.phase("compile"):
+        assert model.forms
+    with timings.phase("assemble"):
+        assert model.cases is not None
     refuse_beforehand(model)
     for stated, contact in zip(statement.contact, model.statement.contact, strict=True):
         if contact.boundary != stated.boundary:

@@ -6,7 +6,7 @@ from mpi4py import MPI
 from scenes import alone, table_of
 from scipy.integrate import quad
 
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.kinematics import AXISYMMETRIC
 from signorini_fx.records import Timings
@@ -41,7 +41,7 @@ def gauss(count, f):
 def test_loads_that_the_quadrature_misses():
     """What a jump within a facet is worth in each load step, and nothing for loads that are integrated exactly."""
     scene = block(x="3 if x[1] < 0.3 else 1 + x[1]", factors=[1.0, -2.0])
-    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     missed, twice = (missed_loads(d, step) for step in range(2))
     side = lambda x: np.where(x / 2 < 0.3, 3.0, 1 + x / 2) / 2  # noqa: E731
     expected = abs(gauss(31, side) - gauss(11, side))

@@ -11,7 +11,7 @@ from scenes import alone, example1, one_triangle
 from signorini_fx import algebra as method
 from signorini_fx.algebra.algorithms import coulomb as coulomb_module
 from signorini_fx.algebra.algorithms import strategy
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -186,7 +186,7 @@ def pulled_and_pushed(**solver):
 
 def by_enumeration(scene):
     """Pressures of all combinations of stick, slip and signs that are solutions: linear systems and inequalities."""
-    d = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
+    d = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
     system, weight = contact_task(d, History()).system, d.boundary.weight
     stiffness, traces, n = (
         system.matrix.convert("dense").getDenseArray().copy(),

@@ -12,7 +12,7 @@ from scenes import table_of
 
 from signorini_fx import MeshError
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Status, Timings
 from signorini_fx.scenes.solver import solve
 
@@ -214,7 +214,7 @@ def random_row(seed):
 
 def regular(scene):
     """Whether the matrix of all unknowns, with contact and stick at every node, has no null space."""
-    d = discretise(scene.statement, scene.mesh, Timings())
+    d = prepare(scene.statement, scene.mesh, Timings())
     matrix, traces = dense_of(d, law=scene.statement.has_friction)
     values = np.linalg.eigvalsh(matrix + 1000.0 * traces.T @ traces)
     return values[0] > 1e-9 * values[-1]

@@ -8,7 +8,7 @@ from scenes import alone
 from steel_blocks import COMM, ELEMENTS, PLANE, YOUNG, body, scene
 
 from signorini_fx import SceneError
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
 from signorini_fx.records import Timings
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
@@ -152,7 +152,7 @@ def test_springs_are_supports(held, angle):
     given = scene(turned(body(), angle), springs=springs, traction={"boundary": "top", "y": -1.0})
     found = [one for one in check_scene(given, COMM).findings if "nothing holds" in one.message]
     assert bool(found) == (free > 0)
-    assert discretise(given.statement, given.mesh, Timings()).motions.free.shape[1] == free
+    assert prepare(given.statement, given.mesh, Timings()).motions.free.shape[1] == free
 
 
 REFUSED = {

@@ -11,7 +11,7 @@ from scenes import alone, example1, same_answer, table_of
 from spaces import LAWS, block, friction_of, pushed_brick
 
 from signorini_fx.algebra.linalg import choice, factorisation, krylov, multigrid
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.checks import check_scene
@@ -226,7 +226,7 @@ def test_chosen_for_large_bodies_in_space(monkeypatch):
         return cost.linear_algebra.partition(":")[0]
 
     def assembled(scene):
-        return discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
+        return prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings())
 
     plane, solid = example1(nx=96, ny=32), block(6, linear_algebra="auto")
     rubber = solid.model_copy(update={"material": (solid.material[0].model_copy(update={"poisson": 0.499}),)})

@@ -372,8 +372,8 @@ def unmoved(right):
 FAULTS = {
     "no reference motion": (ElasticBody, "from_rest", without_reference_motion),
     "rotation dropped": (ElasticBody, "from_rest", with_turned_rest),
-    "wrong row of the stiffness": (solve_on_mesh, "discretise", stiffer),
-    "wrong load": (solve_on_mesh, "discretise", heavier),
+    "wrong row of the stiffness": (solve_on_mesh, "prepare", stiffer),
+    "wrong load": (solve_on_mesh, "prepare", heavier),
     "wrong pressure": (SemismoothNewton, "multipliers", unmoved),
 }
 

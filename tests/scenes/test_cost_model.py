@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from scenes import example1
 
 from signorini_fx.algebra.linalg.factorisation import factor_entries, has_package
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Timings
 from signorini_fx.scenes.checks import factorisation_seconds
 from signorini_fx.scenes.mesh import load_mesh
@@ -28,7 +28,7 @@ def test_operations_and_entries_of_a_factorisation(cell, degree):
         cells = nx // degree
         scene = example1(nx=cells, ny=cells // 3, cell=cell, degree=degree, linear_algebra="full")
         pc = PETSc.PC().create(MPI.COMM_SELF)
-        stiffness = discretise(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).stiffness
+        stiffness = prepare(scene.statement, load_mesh(scene, MPI.COMM_SELF), Timings()).stiffness
         unknowns = stiffness.getSize()[0]
         pc.setOperators(stiffness)
         pc.setType(PETSc.PC.Type.CHOLESKY)

@@ -10,7 +10,7 @@ from scenes import alone, example1
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Status, Timings
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -100,7 +100,7 @@ def test_figures_of_known_fields(mesh, degree):
         {"mesh": FIELDS[mesh], "material": {"young": 1.0, "poisson": 0.3}, "element": {"degree": degree}}
     )
     tagged = load_mesh(scene, WORLD)
-    d = discretise(scene.statement, tagged, Timings())
+    d = prepare(scene.statement, tagged, Timings())
     rng = np.random.default_rng(3)
     matrix, shift = rng.standard_normal((2, 2)), rng.standard_normal(2)
     field = fem.Function(d.space)

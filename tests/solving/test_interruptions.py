@@ -54,7 +54,7 @@ def written(path, kind, solver):
 FULL, CONDENSED, KRYLOV = (f'linear_algebra = "{name}"' for name in ("full", "condensed", "krylov"))
 PLACES = {
     "mesh": (mesh_sequence, "load_mesh", (PLANE, f"{FULL}, levels = 2")),
-    "assembly": (solve_on_mesh, "discretise", (PLANE, f"{FULL}, levels = 2")),
+    "assembly": (solve_on_mesh, "prepare", (PLANE, f"{FULL}, levels = 2")),
     "condense": (schur.SchurComplement, "__init__", (PLANE, f"{CONDENSED}, levels = 2")),
     "residual": (regularised.RegularisedProblem, "_hold", (PLANE, FULL)),
     "residual, krylov": (regularised.RegularisedProblem, "_hold", (SOLID, KRYLOV)),

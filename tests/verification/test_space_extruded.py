@@ -9,7 +9,7 @@ import pytest
 from spaces import box, rotation, turned_tangents
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
-from signorini_fx.mechanics.body.discretisation import discretise
+from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.mechanics.contact_points import contact_boundary
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.scenes.reading import parse_scene
@@ -55,7 +55,7 @@ def test_table_1(monkeypatch):
     rng = np.random.default_rng(1)
     monkeypatch.setattr(contact_boundary, "tangents_of", lambda normal: turned_tangents(normal, rng))
     scene = askew()
-    discretisation = discretise(scene.statement, scene.mesh, Timings())
+    discretisation = prepare(scene.statement, scene.mesh, Timings())
     task = contact_task(discretisation, History())
     found = []
     for gamma_n in TABLE["gamma_1"]:

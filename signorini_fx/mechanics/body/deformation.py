@@ -46,7 +46,10 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
     """How much a displacement deforms a body of a size, from grad u at the midpoint of each cell; collective."""
     pieces = body.motions.pieces
     cell = getattr(basix.CellType, body.space.mesh.topology.cell_name())
-    slopes, areas = next(gradients(displacement, basix.geometry(cell).mean(axis=0, keepdims=True)))
+    at_middle = CellSlopes(displacement.function_space, basix.geometry(cell).mean(axis=0, keepdims=True))
+    of_place, of_displacement = next(at_middle.along_reference(displacement))
+    adjugate, determinant = adjugates(of_place)
+    slopes, areas = np.einsum("ikc,kjc->ijc", of_displacement, adjugate) / determinant, np.abs(determinant)
     squares = np.einsum("ijc,ijc->c", slopes, slopes)
     of_cell = pieces.of_cell[: areas.size]
     total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
@@ -60,15 +63,6 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
         furthest = parallel.largest(body.comm, moved[assembly == number])
         share = max(share, furthest / extent)
     return Deformation(gradient, share)
-
-
-def gradients(displacement: fem.Function, points: Array) -> Iterator[tuple[Array, Array]]:
-    """Of each point, shape (points, d), of the reference cell du_i/dx_j in all owned cells, shape (d, d, cells), and
-    the size of the determinant of the map from the reference cell, shape (cells,).
-    """
-    for of_place, of_displacement in CellSlopes(displacement.function_space, points).along_reference(displacement):
-        adjugate, determinant = adjugates(of_place)
-        yield np.einsum("ikc,kjc->ijc", of_displacement, adjugate) / determinant, np.abs(determinant)
 
 
 class CellSlopes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,9 +19,9 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.errors import FormError, MeshError, SceneError, together
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import compat, parallel
-from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.assembly.pieces import find_pieces
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.elasticity.moduli import moduli_of
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.initial_strains import holds, jump_loads, jumps_in
@@ -31,17 +31,15 @@ from signorini_fx.mechanics.loads.load_vectors import (
     check_finite,
     compile_resistance,
     driving_load,
-    elastic_law,
     load_groups,
 )
 from signorini_fx.mechanics.loads.supports import Supports, at_rest, check_overlap
 from signorini_fx.mechanics.materials.trial import check_materials
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_fits
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations
+from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of, with_chosen_sides
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
-from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.effect import InitialStrain, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.statement import Statement
@@ -49,22 +47,6 @@ from signorini_fx.records import Timings
 from signorini_fx.tuned import LARGEST_MULTIGRID_POISSON, LARGEST_NUMBER, SAME_NUMBER
 
 M = TypeVar("M", bound=Model)
-
-
-def discretise(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
-    """Compile and assemble the effects that the scene lists; collective.
-
-    Raises:
-        SceneError: see ``prepare``.
-        MeshError: see ``prepare``.
-    """
-    free_unused(tagged.mesh)
-    discretised = prepare(statement, tagged, timings)
-    with timings.phase("compile"):
-        assert discretised.forms
-    with timings.phase("assemble"):
-        assert discretised.cases is not None
-    return discretised
 
 
 def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_step: float = 0) -> Model:
@@ -110,83 +92,92 @@ def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:
 def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
     check_materials(statement.material)
     _check_measure(statement.kinematics_in(tagged.dimension), tagged)
-    facets, moduli, *_ = together(
+    facets, (lame, *_), _ = together(
         partial(boundary_facets, statement, tagged),
         partial(moduli_of, statement, tagged),
         partial(check_fits, statement, tagged),
     )
     if statement.sides[1] is not None:
-        statement = with_chosen_sides(statement, tagged, facets, moduli[0][1])
+        statement = with_chosen_sides(statement, tagged, facets, lame[1])
     pieces = find_pieces(tagged.mesh)
     if statement.bodies:
         pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
     space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
-    elastic = elastic_law(statement, tagged, space, moduli)
-    z = ufl.TestFunction(space)
-    kinematics = statement.kinematics_in(tagged.dimension)
+    kinematics, on = statement.kinematics_in(tagged.dimension), FormCoefficients(statement, tagged, space)
     with timings.phase("compile"):
-        supports = Supports.of(statement, space, facets, tagged)
-        fixed, turned = supports.fixed, supports.turned
-        on_mesh = FormCoefficients(statement, tagged, space)
-        resistance = compile_resistance(
-            [effect for effect in statement.of(Resistance) if effect.acts], on_mesh, ufl.TrialFunction(space), z
-        )
-        applied = [
-            applied_load(group, loads, on_mesh, z, supports.at) for group, loads in load_groups(statement).items()
-        ]
-        on = [facets[effect.boundary] for effect in statement.contact]
-        foundations = _foundations(statement, space, facets)
-        assert len(foundations.forms) == len(on)
-    with timings.phase("assemble"):
-        shapes = foundations.shapes()
-        rests = at_rest(space, supports.conditions, turned, fixed) if statement.sides[1] is not None else None
-        boundary = foundations.boundary(shapes, fixed, turned, rests) if on else None
-        rigid = RigidBodies(statement.rigid_bodies, kinematics, tagged.size)
-        if boundary is not None:
-            boundary = rigid.on(boundary)
-            applied += [driving_load(rigid, number, statement, space) for number in range(len(rigid.bodies))]
-        if jumps := jumps_in(statement, tagged, space):
-            bonded = [k for k, contact in enumerate(statement.contact) if contact.bonded]
-            held = partial(holds, fixed=fixed, turned=turned, boundary=boundary, bonded=bonded)
-            applied += jump_loads(jumps, space, elastic, held)
-    together(
-        partial(check_finite, tagged.mesh.comm, applied),
-        lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
-    )
-    data = law = None
-    if boundary is not None:
-        scales = Scales(tagged.dimension, statement.young, tagged.size)
-        data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), scales)
-        for step in range(1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1):
-            # Errors are found before the first step.
-            _foundations(statement.placed(step), space, facets).friction()
+        acting = [effect for effect in statement.of(Resistance) if effect.acts]
+        resistance = compile_resistance(acting, on, ufl.TrialFunction(space), ufl.TestFunction(space))
+        loaded = _loaded(on, facets)
     resists = () if resistance is None else (resistance,)
-
-    return Model(
+    model = Model(
         space=space,
-        terms=lambda: (*elastic.compiled(space), *resists),
+        terms=lambda: (*on.elastic.compiled(space), *resists),
         resists=resists,
-        bcs=[support for _, support in supports.conditions],
-        turned=turned,
-        fixed=fixed,
         pieces=pieces,
-        boundary=boundary,
+        boundary=None,
         settings=statement.solver,
         kinematics=kinematics,
         # Ratios follow from moduli, with round-off.
         compressible=max(material.mean_poisson for material in statement.material)
         <= LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER),
-        elastic=elastic,
+        elastic=on.elastic,
         statement=statement,
         tagged=tagged,
-        supports=supports.conditions,
-        applied=tuple(applied),
-        data=data,
-        law=law,
-        coefficients=on_mesh,
-        pairs=foundations.pairs,
-        rigid=rigid,
+        law=None,
+        pairs={},
+        rigid=RigidBodies(statement.rigid_bodies, kinematics, tagged.size),
+        **loaded,
     )
+    applied, foundations, boundary = [*model.applied], _foundations(statement, space, facets), None
+    with timings.phase("assemble"):
+        shapes = foundations.shapes()
+        if statement.contact:
+            boundary = _boundary(model, foundations, shapes)
+            applied += [driving_load(model.rigid, k, statement, space) for k in range(len(model.rigid.bodies))]
+        if jumps := jumps_in(statement, tagged, space):
+            bonded = [k for k, contact in enumerate(statement.contact) if contact.bonded]
+            held = partial(holds, fixed=model.fixed, turned=model.turned, boundary=boundary, bonded=bonded)
+            applied += jump_loads(jumps, space, on.elastic, held)
+    together(
+        partial(check_finite, tagged.mesh.comm, applied),
+        lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
+    )
+    model = replace(model, applied=tuple(applied))
+    if boundary is None:
+        return model
+    for step in range(1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1):
+        # Errors are found before the first step.
+        _foundations(statement.placed(step), space, facets).friction()
+    return replace(model, boundary=boundary, pairs=foundations.pairs, **_problem(model, foundations, shapes, boundary))
+
+
+def _loaded(on: FormCoefficients, facets: Mapping[str, npt.NDArray[np.int32]]) -> dict[str, Any]:
+    """The fields of a model that follow from supports and loads; collective."""
+    supports, test = Supports.of(on.statement, on.space, facets, on.tagged), ufl.TestFunction(on.space)
+    groups = load_groups(on.statement).items()
+    return {
+        "bcs": [support for _, support in supports.conditions],
+        "turned": supports.turned,
+        "fixed": supports.fixed,
+        "supports": supports.conditions,
+        "coefficients": on,
+        "applied": tuple(applied_load(group, loads, on, test, supports.at) for group, loads in groups),
+    }
+
+
+def _boundary(model: Model, foundations: Foundations, shapes: Sequence[ShapeDistances]) -> ContactBoundary:
+    """The contact points of foundations with the supports of a model."""
+    rests = at_rest(model.space, model.supports, model.turned, model.fixed)
+    return model.rigid.on(foundations.boundary(shapes, model.fixed, model.turned, rests))
+
+
+def _problem(
+    model: Model, foundations: Foundations, shapes: Sequence[ShapeDistances], boundary: ContactBoundary
+) -> dict[str, Any]:
+    """Gap and friction of foundations at contact points as fields of a model."""
+    settings = Settings.of(model.statement.solver)
+    data, law = foundations.problem(boundary, foundations.data(shapes), settings, model.scales)
+    return {"data": data, "law": law}
 
 
 def _check_measure(kinematics: Kinematics, tagged: TaggedMesh) -> None:
@@ -223,21 +214,9 @@ def held_at(model: M, step: float) -> M:
 def _with_supports(model: M, statement: Statement) -> M:
     """The same body with other supports, and contact as another statement has it; collective."""
     assert model.coefficients is not None
-    facets, test = boundary_facets(statement, model.tagged), ufl.TestFunction(model.space)
-    supports = Supports.of(statement, model.space, facets, model.tagged)
-    on, earlier = replace(model.coefficients, statement=statement), load_groups(model.statement)
-    applied = [applied_load(group, loads, on, test, supports.at) for group, loads in load_groups(statement).items()]
-    changed = replace(
-        model,
-        statement=statement,
-        bcs=[support for _, support in supports.conditions],
-        turned=supports.turned,
-        fixed=supports.fixed,
-        supports=supports.conditions,
-        coefficients=on,
-        applied=(*applied, *model.applied[len(earlier) :]),
-        of_body={},
-    )
+    loaded = _loaded(replace(model.coefficients, statement=statement), boundary_facets(statement, model.tagged))
+    further = model.applied[len(load_groups(model.statement)) :]
+    changed = replace(model, statement=statement, **loaded | {"applied": (*loaded["applied"], *further)}, of_body={})
     return replace(changed, **contact_of(changed, statement))
 
 
@@ -245,10 +224,12 @@ def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
     """The fields of a model that follow from the contact of another statement, with the same supports; collective."""
     foundations = _foundations_on(model, statement)
     shapes = foundations.shapes()
-    rests = at_rest(model.space, model.supports, model.turned, model.fixed)
-    boundary = model.rigid.on(foundations.boundary(shapes, model.fixed, model.turned, rests))
-    data, law = foundations.problem(boundary, foundations.data(shapes), Settings.of(statement.solver), model.scales)
-    return {"boundary": boundary, "data": data, "law": law, "pairs": foundations.pairs}
+    boundary = _boundary(model, foundations, shapes)
+    return {
+        "boundary": boundary,
+        "pairs": foundations.pairs,
+        **_problem(replace(model, statement=statement), foundations, shapes, boundary),
+    }
 
 
 def law_of(model: Model, statement: Statement) -> PointFriction | None:
@@ -260,10 +241,8 @@ def law_of(model: Model, statement: Statement) -> PointFriction | None:
 def with_gap_and_friction(model: M, statement: Statement) -> M:
     """The same contact points with gap and friction, without axes, of another statement; collective."""
     assert model.boundary is not None
-    foundations = _foundations_on(model, statement)
-    values = foundations.data(foundations.shapes())
-    data, law = foundations.problem(model.boundary, values, Settings.of(statement.solver), model.scales)
-    return replace(model, statement=statement, data=data, law=law)
+    foundations, changed = _foundations_on(model, statement), replace(model, statement=statement)
+    return replace(changed, **_problem(changed, foundations, foundations.shapes(), model.boundary))
 
 
 def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:

@@ -390,7 +390,7 @@ class ElasticBody:
             law: of friction; None: there is none.
             coarser: coarser meshes for multigrid.
             allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
-                that of the settings, relative to the energy norm of the displacement.
+                that of the settings, relative to the energy norm of the displacement, without a pressure.
             choose: the elastic system, and the reason for its kind.
             options: see ``Task``.
         """
@@ -399,8 +399,12 @@ class ElasticBody:
         share = self.settings.regularisation_error
 
         def goal(x: PETSc.Vec) -> float:
-            y = system.displacement(x)
-            return float(share) * self.energy_norm(y) if allowed is None else allowed(self.function(y))
+            y = self.function(system.displacement(x))
+            if allowed is not None:
+                return allowed(y)
+            forces = self.forces_of(y)
+            twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size]))
+            return float(share) * float(np.sqrt(max(0.0, twice)))
 
         return Task.of(
             system,
@@ -480,15 +484,6 @@ class ElasticBody:
         if parallel.any_rank(self.comm, bool(moved.any())):
             forces += self.forces_of(held, np.flatnonzero(moved).astype(np.int32))
         return forces
-
-    def energy_norm(self, x: PETSc.Vec) -> float:
-        """Sqrt(a(y, y)) of a displacement, with what is prescribed."""
-        y = self.function(x)
-        forces = self.forces_of(y)
-        twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size]))
-        if self.mixed is not None:
-            twice += self.mixed.energy(y)
-        return float(np.sqrt(max(0.0, twice)))
 
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
         """The unknowns x of a finite element function, the inverse of ``function``."""

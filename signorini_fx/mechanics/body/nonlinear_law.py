@@ -71,8 +71,7 @@ class MaterialPoints:
     Attributes:
         material, cells: it, and the cells that are made of it, c of them.
         strain: from the displacement of now, less that of the temperature, at the q points of each cell, components
-            ``strained``, of shear twice epsilon_ij.
-        strained: the components that may not be zero, as places in ``PAIRS``.
+            ``PAIRS``, of shear twice epsilon_ij.
         stress: the deviatoric stress, components ``pairs``.
         tangent: its derivative by the strain.
         pairs: the components that do work, as places in ``PAIRS``.
@@ -84,7 +83,6 @@ class MaterialPoints:
     material: PathDependent
     cells: Cells
     strain: fem.Expression
-    strained: list[int]
     stress: fem.Function
     tangent: fem.Function
     pairs: list[int]
@@ -99,19 +97,18 @@ class MaterialPoints:
         """Stress, tangent and state at the displacement of now, from the state of the last load step."""
         stress, tangent, state = self.response()
         self.current = state.reshape(self.begun.shape)
-        rows = [[*PAIRS[pair]] for pair in self.pairs]
+        i, j = np.transpose([PAIRS[pair] for pair in self.pairs])
         at = self.stress.function_space.dofmap.list[self.cells].ravel()
         count = len(self.pairs)
-        self.stress.x.array.reshape(-1, count)[at] = np.array([stress[:, i, j] for i, j in rows]).T
+        self.stress.x.array.reshape(-1, count)[at] = stress[:, i, j]
         used = tangent[:, self.pairs][:, :, self.pairs]
         self.tangent.x.array.reshape(-1, count**2)[at] = used.reshape(-1, count**2)
 
     def response(self) -> tuple[Array, Array, Array]:
         """What the material says at the displacement of now, see ``PathDependent.respond``, n = c q."""
         domain, (cells, points, numbers) = self.stress.function_space.mesh, self.begun.shape
-        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(self.strained))
-        values[:, np.array(self.strained) > 2] /= 2
-        strain = tensors(values, [PAIRS[pair] for pair in self.strained])
+        values = np.asarray(self.strain.eval(domain, self.cells)).reshape(cells * points, len(PAIRS))
+        strain = tensors(values / [1, 1, 1, 2, 2, 2], PAIRS)
         return self.material.at_time(self.time).respond(strain, self.begun.reshape(-1, numbers))
 
     def commit(self) -> None:
@@ -261,13 +258,12 @@ def _points(
     mesh = space.mesh
     name = mesh.topology.cell_name()
     pairs = sorted(PAIRS.index((min(pair), max(pair))) for pair in kinematics.pairs)
-    strained = sorted({*pairs, PAIRS.index((2, 2))})  # where the temperature strains it in any case
     count = len(pairs)
     rule, _ = basix.make_quadrature(getattr(basix.CellType, name), degree)
     stress, tangent = (
         fem.Function(fem.functionspace(mesh, basix.ufl.quadrature_element(name, shape, degree=degree)))
         for shape in ((count,), (count, count))
     )
-    at_points = fem.Expression(_components(strain, strained), rule)
+    at_points = fem.Expression(components(strain, PAIRS), rule)
     begun = np.zeros((cells.size, len(rule), material.state_size))
-    return MaterialPoints(material, cells, at_points, strained, stress, tangent, pairs, begun)
+    return MaterialPoints(material, cells, at_points, stress, tangent, pairs, begun)

@@ -246,7 +246,7 @@ class IsotropicLaw(SceneLaw):
         strain = self.elastic(moved, initial, on_axis=True)
         theta, interpolated = ufl.tr(strain), []
         if self.reduced is not None:
-            at_points = fem.functionspace(mesh, _at_points(mesh.topology.cell_name(), self.reduced))
+            at_points = fem.functionspace(mesh, element_at_points(mesh.topology.cell_name(), self.reduced))
             with compiling():
                 points = compat.interpolation_points(at_points.element)
                 expression = fem.Expression(theta, points, dtype=default_scalar_type)
@@ -269,18 +269,16 @@ class CellwiseLaw(SceneLaw):
 
     @property
     def uniform_strain(self) -> Any:
-        return self._tensor(self.of_cells.free_strain, 0.5)
+        return self._tensor(self.of_cells.free_strain)
 
     def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
         strains = components(strain, self.kinematics.stressed)
         return [(self._tensor(ufl.dot(self.of_cells.stiffness, strains)), None)]
 
-    def _tensor(self, values: Any, shear: float = 1.0) -> Any:
-        """A tensor from its components, shears times a factor, UFL, shape (3, 3)."""
+    def _tensor(self, values: Any) -> Any:
+        """A tensor from its components, UFL, shape (3, 3)."""
         at = {pair: k for k, (i, j) in enumerate(self.kinematics.stressed) for pair in ((i, j), (j, i))}
-        factors = [[1.0 if i == j else shear for j in range(3)] for i in range(3)]
-        rows = [[factors[i][j] * values[at[i, j]] if (i, j) in at else 0 for j in range(3)] for i in range(3)]
-        return ufl.as_tensor(rows)
+        return ufl.as_tensor([[values[at[i, j]] if (i, j) in at else 0 for j in range(3)] for i in range(3)])
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         ((sigma, _),) = self.parts(self.elastic(moved, initial, on_axis=True))
@@ -327,7 +325,7 @@ def compliance(tau: Any, kinematics: Kinematics, lame: Any, mu: Any, poisson: An
     return (square - share * trace**2) / (2 * mu)
 
 
-def _at_points(cell: str, degree: int) -> Any:
+def element_at_points(cell: str, degree: int) -> Any:
     """The discontinuous element whose nodes are the points of a Gauss rule: one point, or two along each axis."""
     if degree == 1:
         return basix.ufl.element("DG", cell, 0)

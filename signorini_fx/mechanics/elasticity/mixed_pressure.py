@@ -318,13 +318,6 @@ class MixedLaw(SceneLaw):
             values = self._over_cells(pressure.x.array[pressure.function_space.dofmap.list])
         return np.asarray(values / self.unit)
 
-    def energy(self, displacement: fem.Function) -> float:
-        """(p, p) / lambda, twice that of the change of volume, which A does not count."""
-        pressure, product = self.compressibility.createVecs()
-        pressure.getArray()[:] = self.unknowns(displacement)
-        self.compressibility.mult(pressure, product)
-        return -float(pressure.dot(product))
-
     @cached_property
     def constant(self) -> list[_Floats]:
         """The forces of a constant pressure in each incompressible part at the owned unknowns of the displacement."""

@@ -148,7 +148,8 @@ class CellwiseStiffness:
 
     Attributes:
         stiffness: stresses from strains, see ``Kinematics.stressed``, shape (m, m).
-        free_strain: the initial strain that is one where a material expands alike in all directions, shape (m,).
+        free_strain: the tensor of the initial strain, which is one where a material expands alike in all directions,
+            shape (m,).
     """
 
     stiffness: fem.Function
@@ -189,7 +190,7 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
         # Without a stress in all other directions, of which those of shear across a plane body are apart.
         at_cells[moduli.function_space.dofmap.list[cells, 0]] = np.linalg.inv(np.linalg.inv(whole)[:, rows][:, :, rows])
         expansion = np.einsum("nia,a,nja->nij", axes, np.array(material.free_strain), axes)
-        strains = np.column_stack([expansion[:, i, j] * (1 if i == j else 2) for i, j in kinematics.stressed])
+        strains = np.column_stack([expansion[:, i, j] for i, j in kinematics.stressed])
         free_at_cells[free.function_space.dofmap.list[cells, 0]] = strains
     if problems:
         raise SceneError(problems)

@@ -21,7 +21,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw
-from signorini_fx.mechanics.elasticity.moduli import Moduli, moduli_of, of_materials
+from signorini_fx.mechanics.elasticity.moduli import moduli_of, of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.supports import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -32,20 +32,6 @@ from signorini_fx.mechanics.statement.expressions import Expression, sample
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.tuned import LARGEST_NUMBER, SAME_NUMBER
-
-
-def elastic_law(
-    statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace, moduli: Moduli | None = None
-) -> SceneLaw:
-    """That of a scene on its mesh; ``moduli``: those of the scene, None if they are to be computed; collective."""
-    lame, stiffness, reduced = moduli or moduli_of(statement, tagged)
-    if statement.element.pressed:
-        from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
-
-        return MixedLaw(statement, tagged, space, lame)
-    if stiffness is not None:
-        return CellwiseLaw(statement, tagged, space, lame, stiffness)
-    return IsotropicLaw(statement, tagged, space, lame, reduced=reduced)
 
 
 @dataclass(frozen=True)
@@ -140,7 +126,13 @@ class FormCoefficients:
     @cached_property
     def elastic(self) -> SceneLaw:
         """The elastic law, with coefficients of its own."""
-        return elastic_law(self.statement, self.tagged, self.space)
+        of = self.statement, self.tagged, self.space
+        lame, stiffness, reduced = moduli_of(self.statement, self.tagged)
+        if self.statement.element.pressed:
+            from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
+
+            return MixedLaw(*of, lame)
+        return IsotropicLaw(*of, lame, None, reduced) if stiffness is None else CellwiseLaw(*of, lame, stiffness)
 
     def value_in(self, region: str | None, value: Any) -> Any:
         """A value in the cells of a region, 0 in the others; see ``BodyCoefficients``."""
