@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
@@ -121,31 +122,16 @@ class MixedLaw(SceneLaw):
         total, times = (function.x.array[: self.count] for function in sums)
         return total / np.maximum(times, 1.0)
 
-    @cached_property
-    def moduli(self) -> tuple[Any, Any]:
-        """Mu and 1 / lambda as coefficients."""
-        mu, yields = self._constants(lambda young, nu: (young / (2 * (1 + nu)), (1 + nu) * (1 - 2 * nu) / (young * nu)))
-        return mu, yields
-
-    def _constants(self, numbers: Callable[[Any, float], tuple[Any, ...]]) -> tuple[Any, ...]:
-        """Numbers from Young's modulus, a float or an array, and Poisson's ratio, as coefficients."""
-
-        def of_material(material: Any, share: Any) -> tuple[Any, ...]:
-            return numbers(material.young * share, material.poisson)
-
-        return of_materials(self.statement, self.tagged, of_material, graded(self.statement, self.tagged))
+    def _coefficient(self, number: Callable[[Any, float], Any]) -> Any:
+        """A number from Young's modulus, a float or an array, and Poisson's ratio, as a coefficient."""
+        of, share = (self.statement, self.tagged), graded(self.statement, self.tagged)
+        (coefficient,) = of_materials(*of, lambda one, part: (number(one.young * part, one.poisson),), share)
+        return coefficient
 
     @cached_property
-    def incompressible(self) -> npt.NDArray[np.bool_]:
-        """The parts of the body with nu = 1/2, of one material and joined: which cells of this rank, ghosts included,
-        are in each of them, shape (parts, cells).
-        """
-        part, pieces = self._part, find_pieces(self.space.mesh)
-        soft = [number for number, material in enumerate(self.statement.material) if material.poisson == 0.5]
-        joined, last = pieces.assembly[pieces.of_cell], int(pieces.assembly.max()) + 1
-        part_cells = [(part == number) & (joined == assembly) for number in soft for assembly in range(last)]
-        parts = np.array(part_cells, dtype=bool).reshape(len(part_cells), joined.size)
-        return np.asarray(parts[parallel.global_sum(self.space.mesh.comm, parts.sum(axis=1)) > 0])
+    def _yields(self) -> Any:
+        """1 / lambda."""
+        return self._coefficient(lambda young, nu: (1 + nu) * (1 - 2 * nu) / (young * nu))
 
     @cached_property
     def unit(self) -> float:
@@ -170,7 +156,7 @@ class MixedLaw(SceneLaw):
 
     def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
         """Without the pressure."""
-        return [(2 * self.moduli[0] * strain, None)]
+        return [(2 * self.lame[1] * strain, None)]
 
     def _constraint(self, y: Any, p: Any) -> tuple[Any, ...]:
         """B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in multiples of a unit; A is
@@ -184,7 +170,7 @@ class MixedLaw(SceneLaw):
         """
         p, q = self._pressure(p), self._pressure(ufl.TestFunction(self.own))
         unit = fem.Constant(self.space.mesh, default_scalar_type(self.unit))
-        densities = -unit * ufl.tr(self.kinematics.strain(y)) * q, -(unit**2) * self.moduli[1] * p * q
+        densities = -unit * ufl.tr(self.kinematics.strain(y)) * q, -(unit**2) * self._yields * p * q
         return tuple(self._integral(density, self.degree) for density in densities)
 
     def strain_terms(self, z: Any, strain: Any, degree: int) -> tuple[Any, ...]:
@@ -222,14 +208,14 @@ class MixedLaw(SceneLaw):
             dilation = ufl.tr(self.kinematics.strain(jump))
             terms += [0.5 * self.terms(jump, jump)[0], self._integral(-pressure * dilation / 2, self.degree)]
         if strain is not None:
-            terms.append(self._integral(self._swelling * strain * (pressure / 2 - self.moduli[0] * strain), degree))
+            terms.append(self._integral(self._swelling * strain * (pressure / 2 - self.lame[1] * strain), degree))
         return terms
 
     def dilation_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
         """The weak form of tr(epsilon) + p / lambda = 0, with initial strains."""
         q = self._pressure(ufl.TestFunction(self.own))
         dilation = ufl.tr(self.kinematics.strain(y if jump is None else y + jump))
-        terms = [self._integral((dilation + self.moduli[1] * hydrostatic_of(y)) * q, self.degree)]
+        terms = [self._integral((dilation + self._yields * hydrostatic_of(y)) * q, self.degree)]
         if strain is not None:
             terms.append(self._integral(-self._swelling * strain * q, degree))
         return [*terms, self._integral(q, self.degree)]
@@ -237,12 +223,11 @@ class MixedLaw(SceneLaw):
     @cached_property
     def _swelling(self) -> Any:
         """By how much an initial strain of one changes the volume in the constraint, (1 + nu) / nu."""
-        (swelling,) = self._constants(lambda _, poisson: ((1 + poisson) / poisson,))
-        return swelling
+        return self._coefficient(lambda _, nu: (1 + nu) / nu)
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (_, mu), kinematics = self.lame, self.kinematics
-        poisson, modulus = self._constants(lambda young, nu: (nu, young / (1 - nu**2)))
+        poisson, modulus = map(self._coefficient, (lambda _, nu: nu, lambda young, nu: young / (1 - nu**2)))
         sigma = 2 * mu * self.elastic(moved, None, on_axis=True) - hydrostatic_of(y) * ufl.Identity(3)
         of_difference = partial(compliance, kinematics=kinematics, lame=None, mu=mu, poisson=poisson)
         return ElementStress(y, kinematics, sigma, of_difference, modulus, mu)
@@ -318,27 +303,25 @@ class MixedLaw(SceneLaw):
             values = self._over_cells(pressure.x.array[pressure.function_space.dofmap.list])
         return np.asarray(values / self.unit)
 
-    @cached_property
-    def constant(self) -> list[_Floats]:
-        """The forces of a constant pressure in each incompressible part at the owned unknowns of the displacement."""
-        forces, ones = [], np.ones(self._rows.shape)
-        for cells in self.incompressible:
-            force, pressure = self.divergence.createVecs()
-            pressure.getArray()[:] = self._over_cells(ones * cells[:, None]) > 0
-            self.divergence.multTranspose(pressure, force)
-            forces.append(np.array(force.getArray(readonly=True)))
-        return forces
-
     def encloses(self, vector: Callable[[_Floats], PETSc.Vec], held: npt.NDArray[np.bool_]) -> bool:
-        """Whether what is ``held`` lets no incompressible part change its volume: constant pressures in it do no work;
-        ``vector``: see ``ElasticBody``.
+        """Whether what is ``held`` lets no part of one material with nu = 1/2 change its volume, so that constant
+        pressures do no work; ``vector``: see ``ElasticBody``.
         """
-        if not self.constant:
+        part, pieces, comm, works = self._part, find_pieces(self.space.mesh), self.space.mesh.comm, []
+        soft = [number for number, material in enumerate(self.statement.material) if material.poisson == 0.5]
+        for number, assembly in product(soft, range(int(pieces.assembly.max()) + 1)):
+            cells = (part == number) & (pieces.assembly[pieces.of_cell] == assembly)
+            if not parallel.any_rank(comm, bool(cells.any())):
+                continue
+            force, pressure = self.divergence.createVecs()
+            pressure.getArray()[:] = self._over_cells(np.ones(self._rows.shape) * cells[:, None]) > 0
+            self.divergence.multTranspose(pressure, force)
+            works.append(np.array(vector(np.array(force.getArray(readonly=True))).getArray(readonly=True)))
+        if not works:
             return False
-        forces = [np.array(vector(force).getArray(readonly=True)) for force in self.constant]
-        columns, comm = np.column_stack(forces), self.space.mesh.comm
+        columns = np.column_stack(works)
         columns /= np.sqrt(parallel.global_sum(comm, (columns**2).sum(axis=0)))
         triangle: Any = np.linalg.qr(columns[~held], mode="r")  # whose singular values are those of all rows
         triangles = parallel.gather_rows(comm, triangle)
-        square = np.vstack((triangles, np.zeros((len(forces), len(forces)))))
+        square = np.vstack((triangles, np.zeros((len(works), len(works)))))
         return bool(np.linalg.svd(square, compute_uv=False)[-1] <= NOTHING_LEFT)
