@@ -171,11 +171,7 @@ def _disagreements(labels: _Labels, index_map: Any) -> _Labels:
 
 
 def _refuse_hinges(mesh: dmesh.Mesh, of_cell: _Labels) -> None:
-    """Refuse pieces that share a vertex; collective.
-
-    Raises:
-        MeshError: there are some.
-    """
+    """Refuse pieces that share a vertex; collective."""
     topology, dim = mesh.topology, mesh.geometry.dim
     vertices = topology.connectivity(topology.dim, 0).array
     of_vertex = _labels_of(vertices, of_cell, topology.index_map(0))

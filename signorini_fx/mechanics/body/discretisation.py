@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -76,10 +77,7 @@ def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_
 
 
 def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:
-    """Refuse tables and surfaces that some rank does not see, as on the disk of another machine; collective.
-
-    Each rank reads them where it needs them, and one that raised an error alone would leave the others waiting.
-    """
+    """Refuse tables and surfaces that some rank does not see, whose error would leave the others waiting."""
     if comm.size == 1:
         return
     places = statement.listed()
@@ -300,18 +298,16 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
         for index, effect in enumerate(statement.contact)
         if (name := getattr(effect, key)) is not None
     ]
-    for number, (path, name) in enumerate(sides):
-        for earlier_path, earlier_name in sides[:number]:
-            # A body may carry several others on the same facets, if these have the contact points.
-            if path.endswith("against") and earlier_path.endswith("against"):
-                continue
-            if name in facets and earlier_name in facets:
-                shared = np.intersect1d(facets[name], facets[earlier_name]).size
-                total = parallel.global_sum(tagged.mesh.comm, np.array(shared))
-                if total:
-                    shared_with = f"shares {total} facets with the contact boundary {earlier_name!r}"
-                    cure = "a facet can touch one other only; bodies that touch need names of the mesh file or [[body]]"
-                    problems.append((path, f"boundary {name!r} {shared_with}: {cure}"))
+    for (earlier_path, earlier_name), (path, name) in combinations(sides, 2):
+        # A body may carry several others on the same facets, if these have the contact points.
+        carries = path.endswith("against") and earlier_path.endswith("against")
+        if carries or name not in facets or earlier_name not in facets:
+            continue
+        shared = np.intersect1d(facets[name], facets[earlier_name]).size
+        if total := parallel.global_sum(tagged.mesh.comm, np.array(shared)):
+            shared_with = f"shares {total} facets with the contact boundary {earlier_name!r}"
+            cure = "a facet can touch one other only; bodies that touch need names of the mesh file or [[body]]"
+            problems.append((path, f"boundary {name!r} {shared_with}: {cure}"))
     for path, effect in statement.listed():
         region = getattr(effect, "region", None)
         if region is not None and region not in tagged.regions:
@@ -326,14 +322,8 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
 
 
 def _try_functions(statement: Statement, tagged: TaggedMesh) -> None:
-    """Evaluate the functions of loads, supports and materials once at the nodes of what they act on, and look whether
-    initial strains are finite in all load steps, and resistances not negative; collective.
-
-    An error that one rank alone raises in the middle of a solve leaves the others waiting for ever.  Gaps and friction
-    are evaluated together anyway.
-
-    Raises:
-        SceneError: some value cannot be evaluated on some rank, gives no real number for each point, or is a wrong one.
+    """Refuse what cannot be evaluated on some rank, which would leave the others waiting, or is a wrong number; of gaps
+    and friction this is found elsewhere.
     """
     problems = []
     for path, entry in statement.listed():

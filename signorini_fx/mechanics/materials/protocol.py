@@ -36,11 +36,7 @@ _FULL = "must be 'full' with an anisotropic material"
 
 
 def _known_hypothesis(name: str) -> str:
-    """Itself.
-
-    Raises:
-        ValueError: there is none of this name.
-    """
+    """Itself, if there is one of this name."""
     if name not in HYPOTHESES and name not in hypotheses():
         raise ValueError(f"must be one of {', '.join(map(repr, hypotheses()))}, got {name!r}")
     return name
