@@ -126,7 +126,8 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
         rigid=RigidBodies(statement.rigid_bodies, kinematics, tagged.size),
         **loaded,
     )
-    applied, foundations, boundary = [*model.applied], _foundations(statement, space, facets), None
+    applied, foundations = [*model.applied], _foundations(statement, space, facets)
+    boundary: ContactBoundary | None = None
     with timings.phase("assemble"):
         shapes = foundations.shapes()
         if statement.contact:
@@ -149,7 +150,7 @@ def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Mod
     return replace(model, boundary=boundary, pairs=foundations.pairs, **_problem(model, foundations, shapes, boundary))
 
 
-def _loaded(on: FormCoefficients, facets: Mapping[str, npt.NDArray[np.int32]]) -> dict[str, Any]:
+def _loaded(on: FormCoefficients, facets: dict[str, npt.NDArray[np.int32]]) -> dict[str, Any]:
     """The fields of a model that follow from supports and loads; collective."""
     supports, test = Supports.of(on.statement, on.space, facets, on.tagged), ufl.TestFunction(on.space)
     groups = load_groups(on.statement).items()

@@ -227,7 +227,7 @@ class MixedLaw(SceneLaw):
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (_, mu), kinematics = self.lame, self.kinematics
-        poisson, modulus = map(self._coefficient, (lambda _, nu: nu, lambda young, nu: young / (1 - nu**2)))
+        poisson, modulus = self._coefficient(lambda _, nu: nu), self._coefficient(lambda young, nu: young / (1 - nu**2))
         sigma = 2 * mu * self.elastic(moved, None, on_axis=True) - hydrostatic_of(y) * ufl.Identity(3)
         of_difference = partial(compliance, kinematics=kinematics, lame=None, mu=mu, poisson=poisson)
         return ElementStress(y, kinematics, sigma, of_difference, modulus, mu)
@@ -307,7 +307,8 @@ class MixedLaw(SceneLaw):
         """Whether what is ``held`` lets no part of one material with nu = 1/2 change its volume, so that constant
         pressures do no work; ``vector``: see ``ElasticBody``.
         """
-        part, pieces, comm, works = self._part, find_pieces(self.space.mesh), self.space.mesh.comm, []
+        part, pieces, comm = self._part, find_pieces(self.space.mesh), self.space.mesh.comm
+        works = list[_Floats]()
         soft = [number for number, material in enumerate(self.statement.material) if material.poisson == 0.5]
         for number, assembly in product(soft, range(int(pieces.assembly.max()) + 1)):
             cells = (part == number) & (pieces.assembly[pieces.of_cell] == assembly)
