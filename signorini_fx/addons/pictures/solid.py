@@ -239,7 +239,7 @@ def can_draw() -> bool:
     number, answer = os.pipe()
     with open(number, encoding="ascii") as text:
         server = subprocess.Popen(
-            ["Xvfb", "-displayfd", str(answer), "-screen", "0", "64x64x24", "-nolisten", "tcp"],
+            ["Xvfb", "-displayfd", str(answer), "-screen", "0", "64x64x24", "-nolisten", "tcp", "-noreset"],
             pass_fds=[answer],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
