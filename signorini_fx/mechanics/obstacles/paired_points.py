@@ -137,7 +137,9 @@ def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> np
     return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1, initial=0.0) <= ROOT_OF_EPS)
 
 
-def mirrored(slave: PairSurface, master: PairSurface, *at_rest: tuple[Array, Flags]) -> Array:
+def mirrored(
+    slave: PairSurface, master: PairSurface, at_rest: tuple[Array, Flags], opposite: tuple[Array, Flags]
+) -> Array:
     """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N, d, d).
 
     Supports hold both bodies across such a plane, beyond which no side goes on; it may be an axis of revolution.
@@ -150,12 +152,12 @@ def mirrored(slave: PairSurface, master: PairSurface, *at_rest: tuple[Array, Fla
     Args:
         slave: the side with the points.
         master: the other side.
-        at_rest: of both sides a frame at each node, one direction per column, shape (N, d, d), and along which of them
+        at_rest: a frame at each node of the slave, one direction per column, shape (N, d, d), and along which of them
             supports hold it where it is, shape (N, d).
+        opposite: the same of the master.
     """
-    (frames, held), (axes, master_held) = at_rest
-    projectors = np.zeros_like(frames)
-    nodes, columns = np.nonzero(held & slave.nodal_normals.any(axis=1)[:, None])
+    (frames, held), (axes, master_held), projectors = at_rest, opposite, np.zeros_like(at_rest[0])
+    nodes, columns = np.nonzero(held & slave.nodal_normals.any(axis=1, keepdims=True))
     across = frames[nodes, :, columns]
     along_side = np.abs(np.einsum("ni,ni->n", slave.nodal_normals[nodes], across)) <= ASKEW_NORMAL
     if slave.measure is not None:  # the normal is along the axis also at the tip of a cone
@@ -248,7 +250,7 @@ class FacingSides:
         flags = [rows[:, dim**2 :] > 0 for rows in known]
         rests = [(axes, entries[:, dim:-1]) for axes, entries in zip(frames, flags, strict=True)]
         surfaces = [side.surface for side in sides]
-        across = mirrored(*surfaces, *rests), mirrored(*surfaces[::-1], *rests[::-1])
+        across = [mirrored(surfaces[k], surfaces[1 - k], rests[k], rests[1 - k]) for k in range(2)]
         slave, master = (
             replace(side, surface=replace(side.surface, across=planes))
             for side, planes in zip(sides, across, strict=True)

@@ -97,6 +97,7 @@ class PairPoints:
     def error(self) -> float:
         """The largest error of the identities of the map, relative to one, to weights, or to the size of the sides."""
         sides, comm, dim, left, errors = self.sides, self.sides.space.mesh.comm, self.across.shape[2], None, []
+        facing: npt.NDArray[np.bool_]
         if self.kept is not None:
             coupling, operator = self.kept.coupling, self.kept.relative
             weight, covered, x = coupling.weight, coupling.covered, sides.x
@@ -116,9 +117,9 @@ class PairPoints:
             weight, covered = np.where(facing, found.weight[self.moving.mine], 0.0), found.covered
             x = np.concatenate((found.slave.x, found.master.x))
             # A plane of symmetry that holds the direction of rays takes a moment, too.
-            in_plane = np.zeros(x.shape, dtype=bool)
-            in_plane[: len(found.slave.x)] = sides.slave.surface.across.any(axis=(1, 2))[:, None]
-            balanced = facing & ~(abs(operator) @ in_plane.ravel()).reshape(-1, dim).any(axis=1)
+            in_plane = np.zeros(len(x))
+            in_plane[: len(found.slave.x)] = sides.slave.surface.across.any(axis=(1, 2))
+            balanced = facing & ~(abs(operator) @ np.repeat(in_plane, dim)).reshape(-1, dim).any(axis=1)
         errors += [_largest(part.sum(axis=1)[facing] - 1.0) for part in (self.slave, self.master)]
         total = float(parallel.global_sum(comm, weight.sum()))
         errors += [abs(total / covered - 1.0), parallel.local_max(-weight, -np.inf) / covered]
