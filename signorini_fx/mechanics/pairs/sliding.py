@@ -108,7 +108,7 @@ class SlidingCoupling:
             then, now = frames.slave @ slave - frames.master @ master, frames.slave @ self.slave.x
             now = now - frames.master @ self.master.x
             ways.append(np.einsum("ndk,nd->nk", tangents, now) - np.einsum("ndk,nd->nk", old, then))
-        return np.where(begun.partnered[:, None], *ways)
+        return np.where(begun.partnered[:, None], ways[0], ways[1])
 
     def stiffness(self, pressure: Array, shear: Array) -> sp.csr_array:
         """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
