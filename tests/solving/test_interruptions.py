@@ -62,7 +62,7 @@ PLACES = {
     "preconditioner": (multigrid.NodalBlocks, "split", (SOLID, KRYLOV)),
     "certificate": (NodalForces, "internal", (SOLID, FULL)),
     "estimate": (stress_recovery.StressRecovery, "squares", (PLANE, f"{FULL}, levels = 2")),
-    "writing": (files, "write_columns", (PLANE, FULL)),
+    "writing": (files, "write_csv", (PLANE, FULL)),
 }
 
 
