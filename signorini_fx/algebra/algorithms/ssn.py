@@ -274,6 +274,8 @@ class SemismoothNewton:
 
         self._slow, following, solves = False, self.problem.next.sets, self.history.linear_solves
         proposed = proposed_sets(self)
+        if proposed is None and self._factorise():  # loose solves of a Krylov method may not tell the sets
+            proposed = proposed_sets(self)
         self.problem.sets = following if proposed is None else proposed
         asked = self.history.linear_solves - solves
         self.history.add(f"sets: few change with each full step, {asked} solves inside the bounds propose others")
