@@ -13,14 +13,7 @@ from mpi4py import MPI
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.mechanics.mesh.bodies import in_body, together
 from signorini_fx.mechanics.mesh.refinement import refine
-from signorini_fx.mechanics.mesh.tagged import (
-    TaggedMesh,
-    cells_of_generator,
-    check_dimension,
-    coarser_parameters,
-    generate_mesh,
-    load_file,
-)
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_dimension, generate_mesh, load_file
 from signorini_fx.mechanics.statement.mesh_sources import (
     MeshFile,
     MeshGenerator,
@@ -53,7 +46,7 @@ def with_cells_alike(scene: Scene) -> Scene:
     for number, mesh in enumerate(meshes):
         if isinstance(mesh, MeshGenerator):
             try:
-                able[number] = cells_of_generator(mesh.generator, mesh.parameters)
+                able[number] = mesh.cells
             except SceneError as error:
                 raise SceneError(in_body(number, error.problems)) from None
     given = [meshes[number].parameters["cell"] for number in able if "cell" in meshes[number].parameters]
@@ -63,8 +56,7 @@ def with_cells_alike(scene: Scene) -> Scene:
         return scene
     for number, cells in able.items():
         if wanted in cells:
-            parameters = {"cell": wanted, **meshes[number].parameters}
-            meshes[number] = meshes[number].model_copy(update={"parameters": parameters})
+            meshes[number] = meshes[number].having(**{"cell": wanted, **meshes[number].parameters})
     return scene.with_meshes(meshes)
 
 
@@ -106,13 +98,7 @@ def _refuse_contact_sizes(scene: Scene) -> None:
 def scene_on(scene: Scene, factor: float) -> Scene:
     """The scene on a mesh with elements ``factor`` times as large."""
     scene = scene.model_copy(update={"contact": with_larger_contact_sizes(scene.contact, factor)})
-    return scene.with_meshes(_mesh_on(mesh, factor) for mesh in scene.meshes)
-
-
-def _mesh_on(mesh: Any, factor: float) -> MeshGenerator:
-    assert isinstance(mesh, MeshGenerator)
-    parameters = coarser_parameters(mesh.generator, mesh.parameters, factor)
-    return MeshGenerator(generator=mesh.generator, parameters=parameters)
+    return scene.with_meshes(mesh.coarser(factor) for mesh in scene.meshes)
 
 
 def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
@@ -140,7 +126,7 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
         except MeshError as error:
             raise MeshError(f"body {scene.body[number].name!r}: {error}") from None
         if isinstance(mesh, MeshGenerator):
-            mesh = _mesh_on(mesh, 0.5**halvings)
+            mesh = mesh.coarser(0.5**halvings)
         halved.append(mesh)
     contacts = with_larger_contact_sizes(scene.contact, 0.5**halvings)
     return scene.with_meshes(halved).model_copy(update={"contact": contacts})

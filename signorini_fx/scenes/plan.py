@@ -13,15 +13,7 @@ from mpi4py import MPI
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.refinement import check_divisible
-from signorini_fx.mechanics.mesh.tagged import (
-    TaggedMesh,
-    cells_of_generator,
-    curvature,
-    curved_parameters,
-    has_local_sizes,
-    load_file,
-    simplex_parameters,
-)
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature, load_file
 from signorini_fx.mechanics.statement.features import divisible
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator, contact_sizes
 from signorini_fx.mechanics.statement.settings import Accuracy
@@ -93,7 +85,7 @@ def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
     meshes: list[tuple[str, Any]] = [(f" of body {body.name!r}", body.mesh) for body in scene.body]
     several = len(meshes) > 1 or scene.statement.sides[1] is not None
     for name, mesh in meshes or [("", scene.mesh)]:
-        if isinstance(mesh, MeshGenerator) and not has_local_sizes(mesh.generator, mesh.parameters):
+        if isinstance(mesh, MeshGenerator) and not mesh.sized:
             if not several:
                 return None
             message = f"the cells of {mesh.generator!r}{name} are all alike, and are made smaller together"
@@ -110,9 +102,9 @@ def _as_one_mesh(scene: Scene, comm: MPI.Comm) -> Scene | None:
     meshes = scene.meshes
     for number, mesh in enumerate(meshes):
         if isinstance(mesh, MeshGenerator):
-            if (triangles := simplex_parameters(mesh.generator, mesh.parameters)) is None:
+            if (triangles := mesh.of_simplices) is None:
                 return None
-            meshes[number] = mesh.model_copy(update={"parameters": triangles})
+            meshes[number] = triangles
         elif isinstance(mesh, MeshFile) and mesh.drawn:
             return None
     try:
@@ -151,11 +143,10 @@ def _curved(scene: Scene, goal: Accuracy) -> Scene:
     for mesh in scene.meshes:
         if not isinstance(mesh, MeshGenerator):
             return scene
-        parameters = curved_parameters(mesh.generator, mesh.parameters)
-        solid = cells_of_generator(mesh.generator, mesh.parameters)[:1] in (("tetrahedron",), ("hexahedron",))
-        if parameters is None or solid:
+        solid = mesh.cells[:1] in (("tetrahedron",), ("hexahedron",))
+        if mesh.curved is None or solid:
             return scene
-        curved.append(mesh.model_copy(update={"parameters": parameters}))
+        curved.append(mesh.curved)
     return _of_degree_2(scene).with_meshes(curved)
 
 
@@ -171,15 +162,15 @@ def _of_degree_2(scene: Scene) -> Scene:
 
 def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
     assert isinstance(scene.mesh, MeshGenerator)
-    name, original = scene.mesh.generator, scene.mesh.parameters
-    triangles = simplex_parameters(name, original)
-    cell = next(iter(cells_of_generator(name, original)), None)
+    triangles, cell = scene.mesh.of_simplices, next(iter(scene.mesh.cells), None)
     if cell in _SIMPLEX and goal.refinement == "adaptive":
         several, simplex = _SIMPLEX[cell]
         message = f"{several} cannot be divided one by one and stay conforming: use cell = '{simplex}', or 'uniform'"
         raise SceneError([("accuracy.refinement", message)])
     if goal.refinement == "adaptive" and triangles is None:
-        message = f"the arcs of {name} would stay the polygon that they are on the first mesh: use 'uniform'"
+        message = (
+            f"the arcs of {scene.mesh.generator} would stay the polygon that they are on the first mesh: use 'uniform'"
+        )
         raise SceneError([("accuracy.refinement", message)])
     if cell in ("tetrahedron", "hexahedron"):
         local = _divides(goal, scene, cell, straight=triangles is not None)
@@ -189,8 +180,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
         return Plan(_curved(scene, goal), adaptive=False)
     if goal.refinement != "auto" or goal.of not in LOCAL:
         return Plan(scene, goal.refinement == "adaptive")
-    mesh = scene.mesh.model_copy(update={"parameters": triangles})
-    return Plan(_of_degree_2(scene).with_meshes([mesh]), adaptive=True)
+    return Plan(_of_degree_2(scene).with_meshes([triangles]), adaptive=True)
 
 
 def _planned_file(scene: Scene, file: MeshFile, goal: Accuracy, comm: MPI.Comm) -> Plan:

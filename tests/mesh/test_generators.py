@@ -20,8 +20,9 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine.compat import geometry_cells, geometry_degree, geometry_element
 from signorini_fx.mechanics.mesh.files.cells import CELLS, check_shape
 from signorini_fx.mechanics.mesh.refinement import refine
-from signorini_fx.mechanics.mesh.tagged import coarser_parameters, generate_mesh, simplex_parameters
+from signorini_fx.mechanics.mesh.tagged import generate_mesh
 from signorini_fx.mechanics.statement.generators import known_generators
+from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.scene import Discretised
@@ -232,7 +233,9 @@ def test_on_ranks(name):
 def test_coarser(name):
     """Facets twice as long: about a quarter, or an eighth, of the cells, the same names."""
     parameters = SMALL[name][0] | COARSER.get(name, {})
-    coarse = generate_mesh(name, coarser_parameters(name, parameters, 2.0), MPI.COMM_SELF)
+    coarse = generate_mesh(
+        name, MeshGenerator(generator=name, parameters=parameters).coarser(2.0).parameters, MPI.COMM_SELF
+    )
     fine = generate_mesh(name, parameters, MPI.COMM_SELF)
     assert set(coarse.boundaries) == set(fine.boundaries)
     low, high = (4, 12) if name in SPACE else (2.5, 6)
@@ -378,7 +381,7 @@ def test_generator_of_another_package(installed):
     columns = table_of(solution).columns
     assert columns["y"].max() == pytest.approx(0.1)
     assert (columns["state"] != "open").any()
-    assert simplex_parameters("wavy", {}) is None
+    assert MeshGenerator(generator="wavy").of_simplices is None
     for parameters, told in (({"depth": 2}, "less than 1"), ({"length": -1.0}, "greater than 0"), ({"n": 1}, "nx, ny")):
         with pytest.raises(SceneError, match=told):
             alone(wavy(parameters))

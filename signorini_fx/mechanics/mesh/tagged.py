@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any
 
 import basix.ufl
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
@@ -19,13 +18,13 @@ from dolfinx import mesh as dmesh
 from dolfinx.graph import adjacencylist
 from dolfinx.io import distribute_entity_data
 from mpi4py import MPI
-from pydantic import TypeAdapter, ValidationError
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import cdist
 
 from signorini_fx.errors import MeshError, SceneError, SignoriniError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.generators import found_generator
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, TaggedMeshBase
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.tuned import SAME_LENGTH
@@ -265,7 +264,7 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, size
     """
     from signorini_fx.mechanics.mesh.files.size_field import SizeField
 
-    generate, values = _generator(name, parameters)
+    generate, values = found_generator(name, parameters)
     in_rows = not getattr(generate, "sized", False)
     reset = _LOCAL_SIZES.set(() if in_rows else sizes)
     try:
@@ -280,44 +279,6 @@ def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, size
         cure = "make all of them smaller by its parameters, or draw the body in a .geo"
         raise SceneError([(asked[0], f"the cells of the generator {name!r} are in rows: {cure}")])
     return replace(tagged, origin={"generator": name, "parameters": dict(parameters)})
-
-
-def coarser_parameters(name: str, parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """The parameters with which the generator ``name`` makes elements ``factor`` times as large.
-
-    Raises:
-        SceneError: the generator does not say how.
-    """
-    coarser = getattr(_generator(name, parameters)[0], "coarser", None)
-    if coarser is None:
-        raise SceneError([("solver.levels", f"the generator {name!r} makes no coarser meshes: use levels = 1")])
-    result: dict[str, Any] = coarser(parameters, factor)
-    return result
-
-
-def simplex_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Those with which the generator ``name`` makes triangles or tetrahedra that can be divided; None: it cannot."""
-    cell = getattr(_generator(name, parameters)[0], "simplices", None)
-    return None if cell is None else {**parameters, "cell": cell}
-
-
-def has_local_sizes(name: str, parameters: Mapping[str, Any]) -> bool:
-    """Whether the generator ``name`` makes cells of several lengths, so that it may make cells of any."""
-    return bool(getattr(_generator(name, parameters)[0], "sized", False))
-
-
-def cells_of_generator(name: str, parameters: Mapping[str, Any]) -> tuple[str, ...]:
-    """The kinds of cells that the generator ``name`` can make, its own choice first; none if no parameter says so."""
-    generate, _ = _generator(name, parameters)
-    accepted = inspect.signature(generate).parameters
-    own = parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
-    return () if own is None else (own, *(cell for cell in get_args(_types(generate)["cell"]) if cell != own))
-
-
-def curved_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Those with which the generator ``name`` makes cells of degree 2 on its arcs; None: it has no arcs."""
-    accepted = inspect.signature(_generator(name, parameters)[0]).parameters
-    return {**parameters, "order": 2} if "order" in accepted else None
 
 
 def read_mesh(
@@ -459,53 +420,6 @@ def _global_nodes(mesh: dmesh.Mesh, rows: npt.NDArray[np.int32]) -> Ints:
     """Global numbers of geometry nodes, of the same shape."""
     numbers: Ints = mesh.geometry.index_map().local_to_global(np.ascontiguousarray(rows).ravel())
     return numbers.reshape(rows.shape)
-
-
-def _generator(name: str, parameters: Mapping[str, Any]) -> tuple[Callable[..., Any], dict[str, Any]]:
-    """The generator of this name, and the parameters as its annotations have them."""
-    from signorini_fx.mechanics.statement.base import plain_message
-    from signorini_fx.mechanics.statement.generators import known_generators
-    from signorini_fx.removed import removal
-
-    generators = known_generators(name)
-    if name not in generators:
-        message = f"no generator {name!r}; there are: {', '.join(generators) or 'none'}"
-        if advice := removal(f"mesh.generator = {name}"):
-            message = f"{name!r} {advice}"
-        raise SceneError([("mesh.generator", message)])
-    try:
-        generate: Callable[..., Any] = generators[name]()
-        _types(generate)
-    except Exception as error:  # of the code of the user
-        message = f"{name!r} cannot be imported: {type(error).__name__}: {error}"
-        raise SceneError([("mesh.generator", message)]) from error
-    names = [key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY]
-    values: dict[str, Any] = {}
-    problems: list[tuple[str, str]] = []
-    for key, value in parameters.items():
-        path = f"mesh.parameters.{key}"
-        if key not in names:
-            problems.append((path, f"unknown key; there are: {', '.join(names)}"))
-            continue
-        try:
-            values[key] = _adapter(generate, key).validate_python(value)
-        except ValidationError as error:
-            problems += [(path, plain_message(detail)) for detail in error.errors()]
-    if problems:
-        raise SceneError(problems)
-    return generate, values
-
-
-@cache
-def _types(generate: Callable[..., Any]) -> dict[str, Any]:
-    """The annotations of a generator."""
-    return get_type_hints(generate, include_extras=True)
-
-
-@cache
-def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
-    """What checks a parameter of a generator; pydantic takes longer to make it than gmsh to make a small mesh."""
-    return TypeAdapter(_types(generate).get(key, Any))
 
 
 # Lengths of cells that the generator that runs does not know of: its mesh is made in ``gmsh_mesh``.

@@ -5,14 +5,18 @@ from __future__ import annotations
 import inspect
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
+from signorini_fx.mechanics.statement.base import plain_message
 from signorini_fx.mechanics.statement.values import Positive
+from signorini_fx.removed import removal
 from signorini_fx.tuned import BYTES_PER_DOF
 
 if TYPE_CHECKING:
@@ -41,6 +45,53 @@ def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
 
 def _of_this_package(name: str) -> Any:
     return import_module(f"{GENERATORS_PACKAGE}.{name}").generate
+
+
+def found_generator(name: str, parameters: Mapping[str, Any]) -> tuple[Callable[..., Any], dict[str, Any]]:
+    """The generator of this name, and the parameters as its annotations have them.
+
+    Raises:
+        SceneError: unknown generator, or parameters that it refuses.
+    """
+    generators = known_generators(name)
+    if name not in generators:
+        message = f"no generator {name!r}; there are: {', '.join(generators) or 'none'}"
+        if advice := removal(f"mesh.generator = {name}"):
+            message = f"{name!r} {advice}"
+        raise SceneError([("mesh.generator", message)])
+    try:
+        generate: Callable[..., Any] = generators[name]()
+        types_of(generate)
+    except Exception as error:  # of the code of the user
+        message = f"{name!r} cannot be imported: {type(error).__name__}: {error}"
+        raise SceneError([("mesh.generator", message)]) from error
+    names = [key for key, p in inspect.signature(generate).parameters.items() if p.kind is p.KEYWORD_ONLY]
+    values: dict[str, Any] = {}
+    problems: list[tuple[str, str]] = []
+    for key, value in parameters.items():
+        path = f"mesh.parameters.{key}"
+        if key not in names:
+            problems.append((path, f"unknown key; there are: {', '.join(names)}"))
+            continue
+        try:
+            values[key] = _adapter(generate, key).validate_python(value)
+        except ValidationError as error:
+            problems += [(path, plain_message(detail)) for detail in error.errors()]
+    if problems:
+        raise SceneError(problems)
+    return generate, values
+
+
+@cache
+def types_of(generate: Callable[..., Any]) -> dict[str, Any]:
+    """The annotations of a generator."""
+    return get_type_hints(generate, include_extras=True)
+
+
+@cache
+def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
+    """What checks a parameter of a generator; pydantic takes longer to make it than gmsh to make a small mesh."""
+    return TypeAdapter(types_of(generate).get(key, Any))
 
 
 def generator(

@@ -4,14 +4,17 @@ long the facets of boundaries in contact are to be.  No dolfinx here.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from pydantic import BeforeValidator, Field, InstanceOf, field_validator
 
+from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.generators import found_generator, types_of
 from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, Vector, kind_of
 
 # Files that gmsh meshes: its scripts, and CAD drawings.
@@ -54,6 +57,48 @@ class MeshGenerator(Table):
 
     generator: str
     parameters: dict[str, float | int | str | bool] = Field(default={})
+
+    def _generate(self) -> Any:
+        return found_generator(self.generator, self.parameters)[0]
+
+    @property
+    def sized(self) -> bool:
+        """Whether it makes cells of several lengths, so that it may make cells of any."""
+        return bool(getattr(self._generate(), "sized", False))
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The kinds of cells that it can make, its own choice first; none if no parameter says so."""
+        accepted = inspect.signature(generate := self._generate()).parameters
+        own = self.parameters.get("cell", accepted["cell"].default) if "cell" in accepted else None
+        return () if own is None else (own, *(cell for cell in get_args(types_of(generate)["cell"]) if cell != own))
+
+    @property
+    def of_simplices(self) -> MeshGenerator | None:
+        """That which makes triangles or tetrahedra that can be divided; None: it cannot."""
+        cell = getattr(self._generate(), "simplices", None)
+        return None if cell is None else self.having(cell=cell)
+
+    @property
+    def curved(self) -> MeshGenerator | None:
+        """That which makes cells of degree 2 on its arcs; None: it has no arcs."""
+        return self.having(order=2) if "order" in inspect.signature(self._generate()).parameters else None
+
+    def having(self, **parameters: Any) -> MeshGenerator:
+        """That with other parameters."""
+        return self.model_copy(update={"parameters": {**self.parameters, **parameters}})
+
+    def coarser(self, factor: float) -> MeshGenerator:
+        """That which makes elements ``factor`` times as large.
+
+        Raises:
+            SceneError: the generator does not say how.
+        """
+        coarser = getattr(self._generate(), "coarser", None)
+        if coarser is None:
+            message = f"the generator {self.generator!r} makes no coarser meshes: use levels = 1"
+            raise SceneError([("solver.levels", message)])
+        return self.model_copy(update={"parameters": coarser(self.parameters, factor)})
 
 
 class TaggedMeshBase:
