@@ -90,10 +90,6 @@ class Cell:
         element, order = self._element
         return np.asarray(element.tabulate(1, x)[1:, :, order, 0])
 
-    def weights(self, x: Floats) -> Floats:
-        """Shape functions of the corners alone, shape (places, corners): they distinguish the places of a cell."""
-        return straight(self).shape(x)
-
 
 _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
 _TRIANGLE = ((0, 0), (1, 0), (0, 1))
