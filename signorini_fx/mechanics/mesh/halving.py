@@ -17,7 +17,7 @@ from dolfinx import mesh as dmesh
 from scipy.spatial.distance import cdist
 
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, rows_of, sides_of
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, order_of_nodes, straight
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, straight
 
 # The ends of the sides whose middles are the corners of children that have no corner of their parent.  The order of Bey
 # (Computing 55, 1995): however often they are divided, tetrahedra have three shapes at most.
@@ -83,9 +83,7 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
     coarse, even = straightened(mesh), basix.LagrangeVariant.equispaced
     cell, shape = coarse.cell, coarse.cell.basix_type.name
     domain = ufl.Mesh(basix.ufl.element("Lagrange", shape, 1, even, shape=(cell.dim,)))
-    made = dmesh.create_mesh(
-        mpi4py.MPI.COMM_SELF, cells=coarse.cells[:, order_of_nodes(cell)], x=coarse.points, e=domain
-    )
+    made = dmesh.create_mesh(mpi4py.MPI.COMM_SELF, cells=coarse.cells[:, cell.to_dolfinx], x=coarse.points, e=domain)
     element = basix.ufl.element("Lagrange", shape, degree, even)
     dofs, lattice = fem.functionspace(made, element).dofmap.list, element.basix_element.points
     number: Ints = np.empty(dofs.shape, dtype=np.int64)
@@ -97,7 +95,7 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
 
 def _places(kind: Cell, corners: Floats, lattice: Floats) -> Ints:
     """Which nodes of the reference cell are those of cells or facets of a kind between corners, shape (..., k)."""
-    nodes = np.stack([corners[..., list(members), :].mean(axis=-2) for members in kind.nodes], axis=-2)
+    nodes = straight(kind).shape(kind.places) @ corners
     places = cdist(nodes.reshape(-1, nodes.shape[-1]), lattice).argmin(axis=1)
     return np.asarray(places.reshape(nodes.shape[:-1]), dtype=np.int64)
 

@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.files.cells import kind_of_mesh, order_of_nodes
+from signorini_fx.mechanics.mesh.files.cells import kind_of_mesh
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, edges_of
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_arrays
 from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
@@ -167,7 +167,7 @@ def lengths_of_cells(tagged: TaggedMesh) -> Floats:
     kind, x = kind_of_mesh(tagged.mesh), tagged.mesh.geometry.x
     assert kind is not None
     owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
-    x = x[compat.geometry_cells(tagged.mesh)[:owned][:, np.argsort(order_of_nodes(kind))]]
+    x = x[compat.geometry_cells(tagged.mesh)[:owned][:, kind.from_dolfinx]]
     return np.asarray(np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges_of(kind)], axis=0))
 
 

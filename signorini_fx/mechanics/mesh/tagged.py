@@ -336,7 +336,7 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
         MeshError: cells have different nodes in the middle of the same edge or face, or one in the middle of two.
     """
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, combinations
-    from signorini_fx.mechanics.mesh.files.cells import CELLS, order_of_nodes
+    from signorini_fx.mechanics.mesh.files.cells import CELLS
 
     on_root: list[tuple[MeshArrays, Ints, Ints]] = []
 
@@ -356,7 +356,7 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
     even = basix.ufl.element(
         "Lagrange", cell.basix_type.name, cell.degree, basix.LagrangeVariant.equispaced, shape=(cell.dim,)
     )
-    cells, facets = arrays.cells[:, order_of_nodes(cell)], arrays.facets[:, order_of_nodes(facet)]
+    cells, facets = arrays.cells[:, cell.to_dolfinx], arrays.facets[:, facet.to_dolfinx]
     mesh = dmesh.create_mesh(comm, cells=cells, x=arrays.points, e=ufl.Mesh(even))
     if mesh.geometry.index_map().size_global != nodes:
         raise MeshError("cells cross: a node in the middle of edges or faces belongs to two of them, or two to one")
@@ -381,14 +381,14 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
         MeshError: its geometry has a degree above 2.
     """
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, rows_of, sides_of
-    from signorini_fx.mechanics.mesh.files.cells import CELLS, kind_of_mesh, order_of_nodes
+    from signorini_fx.mechanics.mesh.files.cells import CELLS, kind_of_mesh
 
     mesh, comm, dim = tagged.mesh, tagged.mesh.comm, tagged.dimension
     kind, nodes = kind_of_mesh(mesh), mesh.geometry.index_map()
     if kind is None:
         raise MeshError("the geometry of its cells has a degree above 2: give it one of 1 or 2")
     corners, count = len(CELLS[kind.facet].corners), mesh.topology.index_map(dim).size_local
-    cells = _global_nodes(mesh, compat.geometry_cells(mesh)[:count])[:, np.argsort(order_of_nodes(kind))]
+    cells = _global_nodes(mesh, compat.geometry_cells(mesh)[:count])[:, kind.from_dolfinx]
     parts: Ints = np.empty((0, 2), dtype=np.int64)
     if tagged.cell_tags is not None:
         here = tagged.cell_tags.indices < count

@@ -72,23 +72,33 @@ class Cell:
         return basix.CellType[{2: "interval", 3: "triangle", 4: four, 8: "hexahedron"}[len(self.corners)]]
 
     @cached_property
-    def _element(self) -> tuple[Any, Ints]:
-        """The element of basix, and which of its nodes each node is."""
+    def places(self) -> Floats:
+        """Its nodes on the reference cell, shape (nodes, dim)."""
+        return np.array([np.mean([self.corners[c] for c in corners], axis=0) for corners in self.nodes])
+
+    @cached_property
+    def _element(self) -> Any:
         even = basix.LagrangeVariant.equispaced
-        element = basix.create_element(basix.ElementFamily.P, self.basix_type, self.degree, even)
-        places = np.array([np.mean([self.corners[c] for c in corners], axis=0) for corners in self.nodes])
-        return element, np.abs(element.points - places[:, None]).sum(axis=2).argmin(axis=1)
+        return basix.create_element(basix.ElementFamily.P, self.basix_type, self.degree, even)
+
+    @cached_property
+    def from_dolfinx(self) -> Ints:
+        """Each node is the one with this number in basix and dolfinx."""
+        return np.asarray(np.abs(self._element.points - self.places[:, None]).sum(axis=2).argmin(axis=1))
+
+    @property
+    def to_dolfinx(self) -> Ints:
+        """Node k of dolfinx is the node with this number here."""
+        return np.argsort(self.from_dolfinx)
 
     def shape(self, x: Floats) -> Floats:
         """Shape functions at places of the reference cell, shape (places, dim) -> (places, nodes)."""
-        element, order = self._element
         # At nodes they are 0 and 1 but for round-off, with which a node would leave an axis of symmetry.
-        return np.asarray(element.tabulate(0, x)[0, :, order, 0].T.round(_DIGITS))
+        return np.asarray(self._element.tabulate(0, x)[0, :, self.from_dolfinx, 0].T.round(_DIGITS))
 
     def gradient(self, x: Floats) -> Floats:
         """Their derivatives, shape (places, dim) -> (dim, places, nodes)."""
-        element, order = self._element
-        return np.asarray(element.tabulate(1, x)[1:, :, order, 0])
+        return np.asarray(self._element.tabulate(1, x)[1:, :, self.from_dolfinx, 0])
 
 
 _SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
@@ -139,22 +149,14 @@ def kind_of_mesh(mesh: Any) -> Cell | None:
     return next((cell for cell in CELLS.values() if (cell.basix_type.name, cell.degree) == (word, degree)), None)
 
 
-def order_of_nodes(kind: Cell) -> Ints:
-    """Node k of dolfinx is the node with this number here."""
+def order_in_gmsh(kind: Cell) -> Ints:
+    """Node k here is the node with this number in gmsh."""
     import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
     from dolfinx.io import utils
     from dolfinx.mesh import to_type
 
-    return np.asarray(utils.cell_perm_vtk(to_type(kind.basix_type.name), len(kind.nodes)), dtype=np.int64)
-
-
-def order_in_gmsh(kind: Cell) -> Ints:
-    """Node k here is the node with this number in gmsh."""
-    of_dolfinx = np.argsort(order_of_nodes(kind))
-    from dolfinx.io import utils
-    from dolfinx.mesh import to_type
-
-    return np.asarray(utils.cell_perm_gmsh(to_type(kind.basix_type.name), len(kind.nodes)))[of_dolfinx]
+    order = utils.cell_perm_gmsh(to_type(kind.basix_type.name), len(kind.nodes))
+    return np.asarray(order)[kind.from_dolfinx]
 
 
 def straight(cell: Cell) -> Cell:
@@ -255,8 +257,7 @@ def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
 
 def _spoilt(points: Floats, cells: Ints, cell: Cell) -> tuple[_Truths, _Truths]:
     """Which cells are flat at a corner, and which are inverted between two of their nodes."""
-    x = np.array([np.mean([cell.corners[c] for c in corners], axis=0) for corners in cell.nodes])
-    jacobian = _jacobian(points, cells, cell, x)
+    jacobian = _jacobian(points, cells, cell, cell.places)
     size = np.linalg.det(jacobian)
     spanned = np.sqrt(np.einsum("mqdj,mqdj->mqj", jacobian, jacobian).prod(axis=2))
     flat = np.any((np.abs(size) <= SAME_NUMBER * spanned)[:, : len(cell.corners)], axis=1)

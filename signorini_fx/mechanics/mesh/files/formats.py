@@ -17,7 +17,7 @@ import numpy as np
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, RawMesh, Selection, from_raw
-from signorini_fx.mechanics.mesh.files.cells import is_straight, kind_of_mesh, order_of_nodes
+from signorini_fx.mechanics.mesh.files.cells import is_straight, kind_of_mesh
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, read_gmsh
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes
 from signorini_fx.mechanics.mesh.halving import halved, straightened
@@ -152,7 +152,7 @@ def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
         all_tags = {name: xdmf.read_meshtags(mesh, name=name) for name in names[1:]}
     if kind is None:
         raise ValueError("its cells have a degree above 2")
-    cells = compat.geometry_cells(mesh)[:, np.argsort(order_of_nodes(kind))]
+    cells = compat.geometry_cells(mesh)[:, kind.from_dolfinx]
     raw = RawMesh(mesh.geometry.x, [(kind.kind, cells.astype(np.int64))])
     of_facets = {name: tags for name, tags in all_tags.items() if tags.dim == dim - 1}
     for tags in of_facets.values():
