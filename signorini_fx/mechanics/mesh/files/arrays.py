@@ -10,15 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, check_shape, completed, dimension
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, check_shape, completed, dimension, family
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.tuned import LARGEST_NUMBER
 
 # A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function of the position.
 Selection = int | tuple[int, ...] | Callable[[Floats], Floats]
-
-# How many corners elements of one and two dimensions have.
-_CORNERS = {"line": 2, "triangle": 3, "quad": 4}
 
 
 def plain(values: npt.NDArray[Any]) -> Any:
@@ -168,39 +165,33 @@ def from_raw(
     check_shape(points, cells, cell, name)
     width = len(CELLS[cell.facet].corners)
     exterior = _exterior(cells, cell, name)
-    named = [n for n, (k, nodes) in enumerate(raw.blocks) if _corners_of(k) == width and n not in body]
+    named = [n for n, (k, _) in enumerate(raw.blocks) if family(k) == family(cell.facet)]
     facet_tables = [renumber[raw.blocks[n][1][:, :width]] for n in named]
-    ends = np.cumsum([len(rows) for rows in facet_tables])[:-1]
     named_facets = np.concatenate([np.empty((0, width), dtype=np.int64), *facet_tables])
     facets = np.concatenate((exterior, _inside(named_facets, sides_of(cells, cell), exterior)))
-    rows = np.split(rows_of(named_facets, facets[:, :width]), ends) if named else []
-    sides = _Entities("boundaries", "exterior facet", dict(zip(named, rows, strict=True)), exterior[:, :width])
-    first = np.cumsum([0, *(len(raw.blocks[n][1]) for n in body)])
-    cell_rows = {n: k + np.arange(len(raw.blocks[n][1])) for n, k in zip(body, first, strict=False)}
-    parts = _Entities("regions", "cell", cell_rows, corners)
-    numbers_of = {entities.key: _numbers(raw, entities, data, name) for entities in (sides, parts)}
-    of_sides, of_parts = (_named_elements(raw, entities, numbers_of[entities.key]) for entities in (sides, parts))
+    of_facets, corners_of_sides = rows_of(named_facets, facets[:, :width]), exterior[:, :width]
+    sides = _entities(raw, "boundaries", "exterior facet", corners_of_sides, named, of_facets)
+    parts = _entities(raw, "regions", "cell", corners, body, np.arange(len(cells)))
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
-    names = _from_nodes(raw, renumber, len(points), sides.nodes)
-    names |= {label: sides.take(members) for label, members in of_sides.items()}
-    astray = {label: missed for label, members in of_sides.items() if (missed := sides.missed(members))}
-    names_of_parts = {label: parts.take(members) for label, members in of_parts.items()}
+    names, names_of_parts = _from_nodes(raw, renumber, len(points), sides.nodes), dict[str, Ints]()
+    astray: dict[str, int] = {}
     problems: list[tuple[str, str]] = []
     for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
+        numbers = _numbers(entities, data, name)
+        word = "boundary" if entities is sides else "region"
+        elements = dict(entities.sets) or {f"{word}_{value}": members for value, members in (numbers or {}).items()}
+        result |= {label: entities.take(members) for label, members in elements.items()}
         for label, selection in (chosen or {}).items():
-            if entities is sides:
-                astray.pop(label, None)
+            elements.pop(label, None)
             if isinstance(selection, int | tuple):
-                chosen_numbers = selection if isinstance(selection, tuple) else (selection,)
-                elements = [entities.with_number(numbers_of[entities.key], value) for value in chosen_numbers]
-                if entities is sides and (missed := sum(map(sides.missed, elements))):
-                    astray[label] = missed
-                found = [entities.take(members) for members in elements]
-                absent = [value for value, rows in zip(chosen_numbers, found, strict=True) if not rows.size]
-                selected = np.unique(np.concatenate(found)) if not absent else np.empty(0, dtype=np.int64)
-                message = _no_number(raw, entities, numbers_of[entities.key], absent[0], name) if absent else ""
+                values = selection if isinstance(selection, tuple) else (selection,)
+                found = {value: (numbers or {}).get(value, corners[:0, 0]) for value in values}
+                absent = [value for value in values if not entities.take(found[value]).size]
+                elements[label] = np.unique(np.concatenate(list(found.values())))
+                selected = corners[:0, 0] if absent else entities.take(elements[label])
+                message = _no_number(entities, numbers, absent[0], name) if absent else ""
             elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
-                selected, message = np.empty(0, dtype=np.int64), f"{name}: the mesh is plane: there is no x[2]"
+                selected, message = corners[:0, 0], f"{name}: the mesh is plane: there is no x[2]"
             else:
                 selected = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
                 extents = ", ".join(
@@ -211,52 +202,49 @@ def from_raw(
             result[label] = selected
             if not selected.size:
                 problems.append((f"mesh.{entities.key}.{label}", message))
+        missed = {label: np.count_nonzero(entities.number[members] < 0) for label, members in elements.items()}
+        astray |= {label: count for label, count in missed.items() if count}
     if problems:
         raise SceneError(problems)
     return MeshArrays(points, kind, cells, facets, names, names_of_parts, astray, len(facets) - len(exterior))
 
 
-def _corners_of(kind: str) -> int:
-    """How many corners an element of one or two dimensions has; 0: another one, or unknown."""
-    return _CORNERS.get(kind.rstrip("0123456789"), 0)
-
-
 @dataclass(frozen=True)
 class _Entities:
-    """Entities that can have names: the exterior facets, or the cells."""
+    """Entities that can have names, the exterior facets or the cells, and the elements of the file that may be some."""
 
     key: str  # the key of the scene for their names
     word: str  # the word for them in messages
-    rows: Mapping[int, Ints]  # block of the raw mesh -> which of them each element is, -1: none
     nodes: Ints  # corners of each cell or exterior facet
+    number: Ints  # which of them each element is, -1: none
+    sets: Mapping[str, Ints]  # name -> elements
+    data: Mapping[str, Mapping[int, Ints]]  # name -> number -> elements
 
-    def take(self, members: Mapping[int, Ints]) -> Ints:
-        """The entities that are elements ``members[block]``, sorted."""
-        parts = [self.rows[block][chosen] for block, chosen in members.items()]
-        numbers = np.concatenate([np.empty(0, dtype=np.int64), *parts])
+    def take(self, elements: Ints) -> Ints:
+        """The entities that elements are, sorted."""
+        numbers = self.number[elements]
         return np.unique(numbers[numbers >= 0])
 
-    def missed(self, members: Mapping[int, Ints]) -> int:
-        """How many of the elements ``members[block]`` are none of the entities."""
-        return sum(np.count_nonzero(self.rows[block][chosen] < 0) for block, chosen in members.items())
 
-    def values(self, numbers: list[Ints]) -> list[int]:
-        """The numbers that elements have; below 0 is none."""
-        return sorted({int(v) for block in self.rows for v in np.unique(numbers[block]) if v >= 0})
+def _entities(raw: RawMesh, key: str, word: str, nodes: Ints, blocks: list[int], number: Ints) -> _Entities:
+    """What the elements of some blocks are, one block after the other."""
+    firsts = np.cumsum([0, *(len(raw.blocks[n][1]) for n in blocks)])[:-1]
+    placed = list(zip(blocks, firsts, strict=True))
+    none: Ints = np.empty(0, dtype=np.int64)
+    sets = {label: np.concatenate([none, *(at + rows[n] for n, at in placed)]) for label, rows in raw.sets.items()}
+    data: dict[str, Mapping[int, Ints]] = {}
+    for label, columns in raw.data.items():
+        elements = [(at + np.indices(columns[n].shape)[0]).ravel() for n, at in placed]
+        data[label] = _by_number(elements, [columns[n].ravel() for n in blocks]) if blocks else {}
+    return _Entities(key, word, nodes, number, {label: rows for label, rows in sets.items() if rows.size}, data)
 
-    def with_number(self, numbers: list[Ints] | None, value: int) -> dict[int, Ints]:
-        """By block the elements that have a number."""
-        return {block: np.unique(np.nonzero(numbers[block] == value)[0]) for block in self.rows} if numbers else {}
 
-
-def _named_elements(raw: RawMesh, entities: _Entities, numbers: list[Ints] | None) -> dict[str, dict[int, Ints]]:
-    """By name and block the elements of the sets or, if there are none, of the numbers."""
-    of_sets = {label: {block: members[block] for block in entities.rows} for label, members in raw.sets.items()}
-    named = {label: members for label, members in of_sets.items() if any(rows.size for rows in members.values())}
-    if named or numbers is None:
-        return named
-    word = "boundary" if entities.key == "boundaries" else "region"
-    return {f"{word}_{value}": entities.with_number(numbers, value) for value in entities.values(numbers)}
+def _by_number(elements: list[Ints], numbers: list[Ints]) -> dict[int, Ints]:
+    """The elements that have each number, in the order of the numbers; below 0 is none."""
+    order = np.argsort(values := np.concatenate(numbers), kind="stable")
+    found, first = np.unique(values[order], return_index=True)
+    parts = np.split(np.concatenate(elements)[order], first[1:])
+    return {value: part for value, part in zip(plain(found), parts, strict=False) if value >= 0}
 
 
 def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict[str, Ints]:
@@ -272,12 +260,12 @@ def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict
     return named
 
 
-def _no_number(raw: RawMesh, entities: _Entities, numbers: list[Ints] | None, value: int, name: str) -> str:
+def _no_number(entities: _Entities, numbers: Mapping[int, Ints] | None, value: int, name: str) -> str:
     """What to say of a number that no entity has."""
     if numbers is not None:
-        known_numbers = ", ".join(map(str, entities.values(numbers))) or "none"
+        known_numbers = ", ".join(map(str, numbers)) or "none"
         return f"{name}: number {value} selects no {entities.word}; the numbers there are: {known_numbers}"
-    possible = ", ".join(repr(label) for label, columns in raw.data.items() if entities.values(columns)) or "none"
+    possible = ", ".join(repr(label) for label, known in entities.data.items() if known) or "none"
     return (
         f"{name}: it is not known which numbers are meant: set mesh.data to one of the cell data ({possible}), give a "
         "condition, such as 'x[1] < 1e-9', or name them in the file (in gmsh: physical groups)"
@@ -296,7 +284,7 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
         raise MeshError(
             f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of dimension 2, or 3 in 3D"
         )
-    if len(sizes) > 1 or not {"wedge", "pyramid"}.isdisjoint(kind.rstrip("0123456789") for kind in sizes):
+    if len(sizes) > 1 or not {"wedge", "pyramid"}.isdisjoint(family(kind) for kind in sizes):
         counts = ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items()))
         simplices = "tetrahedra" if solid else "triangles"
         raise MeshError(
@@ -390,15 +378,15 @@ def _inside(named: Ints, sides: Ints, exterior: Ints) -> Ints:
     return sides[np.unique(rows[rows >= 0])]
 
 
-def _numbers(raw: RawMesh, entities: _Entities, data: str | None, name: str) -> list[Ints] | None:
+def _numbers(entities: _Entities, data: str | None, name: str) -> Mapping[int, Ints] | None:
     """The cell data that numbers refer to; None if there is none, or more than one."""
-    if data is not None:
-        if data not in raw.data:
-            labels = ", ".join(map(repr, raw.data)) or "none"
-            raise SceneError([("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {labels}")])
-        return raw.data[data]
-    possible = [numbers for numbers in raw.data.values() if entities.values(numbers)]
-    return possible[0] if len(possible) == 1 else None
+    if data is None:
+        possible = [numbers for numbers in entities.data.values() if numbers]
+        return possible[0] if len(possible) == 1 else None
+    if data not in entities.data:
+        labels = ", ".join(map(repr, entities.data)) or "none"
+        raise SceneError([("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {labels}")])
+    return entities.data[data]
 
 
 def _holds(rule: Callable[[Floats], Floats], points: Floats) -> npt.NDArray[np.bool_]:

@@ -126,7 +126,7 @@ def _made(kind: str, corners: tuple[Corners, ...], between: tuple[Corners, ...],
     return Cell(kind, word, corners, nodes, facets, curved, gmsh)
 
 
-_ALL_CELLS = (
+_KINDS = (
     _made("line", ((0,), (1,)), (), 1),
     _made("line3", ((0,), (1,)), ((0, 1),), 8),
     _made("triangle", _TRIANGLE, (), 2),
@@ -138,7 +138,7 @@ _ALL_CELLS = (
     _made("hexahedron", _CUBE, (), 5),
     _made("hexahedron27", _CUBE, (*_EDGES_8, *_FACES_8, tuple(range(8))), 12),
 )
-CELLS = {cell.kind: cell for cell in _ALL_CELLS}
+CELLS = {cell.kind: cell for cell in _KINDS}
 
 
 def kind_of_mesh(mesh: Any) -> Cell | None:
@@ -161,13 +161,11 @@ def order_in_gmsh(kind: Cell) -> Ints:
 
 def straight(cell: Cell) -> Cell:
     """The kind with the same corners and no nodes between them."""
-    return next(candidate for candidate in _ALL_CELLS if candidate.corners == cell.corners and candidate.degree == 1)
+    return CELLS[family(cell.kind)]
 
 
 # Elements of the serendipity family, which have no nodes in the middle of faces, and their complete kind.
 _COMPLETE = {"quad8": "quad9", "hexahedron20": "hexahedron27"}
-
-
 _DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "polygon": 2}
 
 
@@ -189,9 +187,14 @@ def completed(kind: str) -> tuple[Cell, Floats] | None:
     return full_cell, weights
 
 
+def family(kind: str) -> str:
+    """The kind of the elements with the same corners and no nodes between them."""
+    return kind.rstrip("0123456789")
+
+
 def dimension(kind: str) -> int:
     """Of an element of a file, also one that is no kind of cell here; what is not known is a solid."""
-    return _DIMENSIONS.get(kind.rstrip("0123456789"), 3)
+    return _DIMENSIONS.get(family(kind), 3)
 
 
 # --- elements of a mesh -----------------------------------------------------------------------------------------------
