@@ -89,7 +89,7 @@ class Cell:
     @property
     def to_dolfinx(self) -> Ints:
         """Node k of dolfinx is the node with this number here."""
-        return np.argsort(self.from_dolfinx)
+        return np.asarray(np.argsort(self.from_dolfinx), dtype=np.int64)
 
     def shape(self, x: Floats) -> Floats:
         """Shape functions at places of the reference cell, shape (places, dim) -> (places, nodes)."""
