@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.judging.solution_on_mesh import SolutionOnMesh
+from signorini_fx.addons.judging.solution_on_mesh import NotJudgedError, SolutionOnMesh
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.mesh.files.cells import Floats
@@ -47,42 +48,29 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tu
         enough: a distance at which no nearer value is sought, in the energy norm.
     """
     size = float(np.abs(on_mesh.displacement).max())
-    alternatives = _alternatives(on_mesh.problem.scene, size)
-    tried = (_nearest_value(on_mesh, v, alternative, enough) for alternative in alternatives)
-    found: list[tuple[str, float]] = [one for one in tried if one is not None]
-    return min(found, key=lambda nearest: nearest[1]) if found else None
+    tried = (_values(on_mesh, v, one, enough) for one in _alternatives(on_mesh.problem.scene, size))
+    return min(chain.from_iterable(tried), key=lambda nearest: nearest[1], default=None)
 
 
-def _nearest_value(
-    on_mesh: SolutionOnMesh, v: Floats, alternative: Alternative, enough: float
-) -> tuple[str, float] | None:
-    """The best value by secants; None: it has no effect, or no solution."""
-    value, before, u_before = alternative.trial, alternative.start, on_mesh.displacement
-    nearest: tuple[str, float] | None = None
+def _values(on_mesh: SolutionOnMesh, v: Floats, tried: Alternative, enough: float) -> Iterator[tuple[str, float]]:
+    """Values found by secants, each with its distance; they end where one has no effect, or no solution."""
+    value, before, u_before = tried.trial, tried.start, on_mesh.displacement
     for _ in range(JUDGED_INCREMENTS):
-        u = _solved(on_mesh, alternative, value)
-        if u is None:
-            break
+        try:
+            u = on_mesh.with_entries(tried.entries(value))
+        except (NotJudgedError, SceneError):  # there is none, or the scene contradicts itself
+            return
         off: Floats = np.asarray(v - u)
         distance = on_mesh.norm(off)
-        if nearest is None or distance < nearest[1]:
-            nearest = alternative.text(value, 1 / value if value else np.inf), distance
+        yield tried.text(value, 1 / value if value else np.inf), distance
         slope: Floats = np.asarray((u - u_before) / (value - before))
         square = on_mesh.product(slope, slope)
         if distance <= enough or not square > 0:
-            break
-        following = max(value + on_mesh.product(off, slope) / square, alternative.least)
+            return
+        following = max(value + on_mesh.product(off, slope) / square, tried.least)
         if following == value:
-            break
+            return
         value, before, u_before = following, value, u
-    return nearest
-
-
-def _solved(on_mesh: SolutionOnMesh, alternative: Alternative, value: float) -> Floats | None:
-    try:
-        return on_mesh.with_entries(alternative.entries(value))
-    except SceneError:  # the scene with this value contradicts itself
-        return None
 
 
 def _alternatives(scene: Scene, size: float) -> Iterator[Alternative]:

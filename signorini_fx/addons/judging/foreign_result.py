@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.judging.judged_problem import JudgedProblem
@@ -83,10 +82,10 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
     if kind not in _READERS:
         raise MeshError(f"{file}: results are read from {', '.join(_READERS)}")
     printed = _READERS[kind](file)
-    rows, held = _rows_at(file, printed, problem) if printed.numbers is None else _rows_of(file, printed, problem)
-    displacement = np.full(problem.points.shape, np.nan)
-    displacement[held] = _finite(printed.displacement[rows[held], : problem.arrays.dim])
-    return ForeignResult(displacement, printed.digits, time=printed.time, program=printed.program, name=file.name)
+    rows = _rows_at(file, printed, problem) if printed.numbers is None else _rows_of(file, printed, problem)
+    displacement = _finite(printed.displacement[rows, : problem.arrays.dim])
+    displacement[rows < 0] = np.nan
+    return replace(printed, displacement=displacement, name=file.name)
 
 
 def _finite(values: Floats) -> Floats:
@@ -97,26 +96,25 @@ def _finite(values: Floats) -> Floats:
 # --- nodes ------------------------------------------------------------------------------------------------------------
 
 
-def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> tuple[Ints, npt.NDArray[np.bool_]]:
-    """The row of the table with the number of each node, and which nodes have one."""
+def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
+    """The row of the table with the number of each node; -1: there is none."""
     assert table.numbers is not None
     numbering = Numbering(table.numbers)
     again = numbering.again
     if (table.displacement[again] != table.displacement[numbering.rows(table.numbers[again])]).any():
         raise MeshError(f"{file}: a node is there several times, with different displacements")
     rows = numbering.rows(problem.names)
-    held = rows >= 0
     if table.points is not None:
         dim = min(problem.arrays.dim, table.points.shape[1])
         away = np.linalg.norm(table.points[rows, :dim] - problem.points[:, :dim], axis=1)
-        if (wrong := held & (away > JUDGED_SAME_PLACE * problem.size)).any():
+        if (wrong := (rows >= 0) & (away > JUDGED_SAME_PLACE * problem.size)).any():
             node = problem.names[np.argmax(wrong)]
             raise MeshError(f"{file}: node {node} is at another place in the problem: it is the result of another mesh")
-    return rows, held
+    return rows
 
 
-def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> tuple[Ints, npt.NDArray[np.bool_]]:
-    """The row of the table at each node, and which nodes have one.
+def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
+    """The row of the table at each node; -1: there is none.
 
     Nodes at one place, as in contact, are told apart by the middles of their cells.
     """
@@ -127,7 +125,7 @@ def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> tuple[
     nodes: Ints = np.arange(len(x))
     rows: Ints = np.arange(len(table.points))
     points = table.points
-    if table.cells and _are_together(points, near) and _are_together(x, near):
+    if table.cells and all(cKDTree(places).query_pairs(near) for places in (points, x)):
         nodes, x = _in_cells(x, (problem.cells,))
         rows, points = _in_cells(points, table.cells)
     tree = cKDTree(points)
@@ -137,15 +135,9 @@ def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> tuple[
         if len(at_place) > 1 and not np.ptp(table.displacement[rows[at_place]], axis=0).max() <= alike:
             cure = "give a table with a column node, the numbers of the problem"
             raise MeshError(f"{file}: several points are at {tuple(place[:3])}, with different displacements: {cure}")
-    row_of_node, held = np.zeros(len(problem.points), dtype=np.int64), np.zeros(len(problem.points), dtype=bool)
+    row_of_node = np.full(len(problem.points), -1)
     row_of_node[nodes[away <= near]] = rows[nearest[away <= near]]
-    held[nodes[away <= near]] = True
-    return row_of_node, held
-
-
-def _are_together(x: Floats, near: float) -> bool:
-    """Whether some points are at the place of another one."""
-    return len(cKDTree(x).query_pairs(near)) > 0
+    return row_of_node
 
 
 def _in_cells(x: Floats, tables: Sequence[Ints]) -> tuple[Ints, Floats]:
@@ -157,33 +149,31 @@ def _in_cells(x: Floats, tables: Sequence[Ints]) -> tuple[Ints, Floats]:
 
 # --- text -------------------------------------------------------------------------------------------------------------
 
-# By the number of a node its components, and with how many digits they are printed.
-_Rows = dict[int, tuple[list[float], int]]
+# By the number of a node the line it is on, and its components.
+_Rows = dict[int, tuple[int, list[str]]]
 
 
-def _numbers(file: Path, line: int, words: Sequence[str]) -> tuple[list[float], int]:
-    """The numbers of a line, and how many digits the longest has."""
-    try:
-        values = [float(_WITHOUT_LETTER.sub(r"E\1\2", word)) for word in words]
-    except ValueError:
-        raise MeshError(f"{file}: line {line}: numbers are expected, not {' '.join(words)!r}") from None
-    mantissas = (re.split(r"[-+eEdD]", word.strip().lstrip("-+"))[0] for word in words)
-    return values, max(len(mantissa.replace(".", "").lstrip("0")) for mantissa in mantissas)
+def _numbers(file: Path, rows: Iterable[tuple[int, Sequence[str]]]) -> tuple[Floats, int]:
+    """The numbers of lines with their words, and how many digits the longest has."""
+    values, digits = [], 0
+    for line, words in rows:
+        try:
+            values.append([float(_WITHOUT_LETTER.sub(r"E\1\2", word)) for word in words])
+        except ValueError:
+            raise MeshError(f"{file}: line {line}: numbers are expected, not {' '.join(words)!r}") from None
+        mantissas = (re.split(r"[-+eEdD]", word.strip().lstrip("-+"))[0] for word in words)
+        digits = max(digits, *(len(mantissa.replace(".", "").lstrip("0")) for mantissa in mantissas))
+    return np.array(values), digits
 
 
-def _add_node(file: Path, line: int, rows: _Rows, node: str, words: Sequence[str]) -> None:
-    """Add the line of a node."""
+def _add_node(file: Path, line: int, rows: _Rows, node: str, words: list[str]) -> None:
     if not node.strip().isdecimal() or len(words) < 3:
         raise MeshError(f"{file}: line {line}: a node and three components are expected")
-    rows[int(node)] = _numbers(file, line, words[:3])
+    rows[int(node)] = line, words[:3]
 
 
 def read_dat(file: Path) -> ForeignResult:
-    """The displacements of the last increment of a .dat file of CalculiX.
-
-    Raises:
-        MeshError: it cannot be read, a row is none, or no table has displacements.
-    """
+    """The displacements of the last increment of a .dat file of CalculiX."""
     last: float | None = None
     rows: _Rows = {}
     within, apart = False, True  # whether a table of displacements is read, and the last line was empty
@@ -191,7 +181,7 @@ def read_dat(file: Path) -> ForeignResult:
         words = line.split()
         if match := _HEADING.match(line):
             within, apart = match[1].lower().startswith("displacements"), True
-            if within and (time := _numbers(file, number, [match[2]])[0][0]) != last:
+            if within and (time := _numbers(file, [(number, [match[2]])])[0].item()) != last:
                 last, rows = time, {}
         elif not words:
             apart = True
@@ -204,13 +194,8 @@ def read_dat(file: Path) -> ForeignResult:
 
 
 def read_frd(file: Path) -> ForeignResult:
-    """The displacements of the last increment of a .frd file of CalculiX.
-
-    Raises:
-        MeshError: it cannot be read, a row is none, or no field has displacements.
-    """
-    displacements: _Rows = {}
-    positions: _Rows = {}
+    """The displacements of the last increment of a .frd file of CalculiX."""
+    displacements, positions = _Rows(), _Rows()
     rows: _Rows | None = None
     last: float | None = None
     program = "a program that writes .frd"
@@ -219,12 +204,10 @@ def read_frd(file: Path) -> ForeignResult:
             program = line[9:].strip() or program
         elif line.startswith("    2"):
             rows = positions
-        elif line.startswith("  100C") and (time := _numbers(file, number, [line[12:24]])[0][0]) != last:
+        elif line.startswith("  100C") and (time := _numbers(file, [(number, [line[12:24]])])[0].item()) != last:
             last, displacements = time, {}
-        elif line.startswith(" -4"):
+        elif line.startswith((" -3", " -4")):
             rows = displacements if line[5:13].strip() == "DISP" else None
-        elif line.startswith(" -3"):
-            rows = None
         elif line.startswith(" -1") and rows is not None:
             words = [line[k : k + 12] for k in range(13, len(line.rstrip("\n")), 12)]
             _add_node(file, number, rows, line[3:13], words)
@@ -247,18 +230,13 @@ def _of_nodes(file: Path, rows: _Rows, positions: _Rows, time: float | None, pro
     if not rows:
         cure = "print them: *NODE PRINT, NSET=ALL with U, or *NODE FILE with U"
         raise MeshError(f"{file}: has no displacements: {cure}")
-    values, digits = zip(*rows.values(), strict=True)
-    absent: tuple[list[float], int] = [np.nan] * 3, 0
-    points = np.array([positions.get(node, absent)[0] for node in rows]) if positions else None
-    return ForeignResult(np.array(values), max(digits), np.array(list(rows)), points, time=time, program=program)
+    values, digits = _numbers(file, rows.values())
+    points = _numbers(file, [positions.get(node, (0, ["nan"] * 3)) for node in rows])[0] if positions else None
+    return ForeignResult(values, digits, np.array(list(rows)), points, time=time, program=program)
 
 
 def read_csv(file: Path) -> ForeignResult:
-    """A table with a heading.
-
-    Raises:
-        MeshError: it cannot be read, has no columns of displacements, or a word is no number.
-    """
+    """A table with a heading."""
     numbered = [(number, line) for number, line in _lines(file) if line.strip() and not line.startswith("#")]
     rows = list(csv.reader(line for _, line in numbered))
     heading = [word.strip().lower().lstrip("\ufeff") for word in rows[0]] if rows else []
@@ -270,11 +248,8 @@ def read_csv(file: Path) -> ForeignResult:
 
     def columns(*names: str) -> tuple[Floats, int]:
         present = [at[name] for name in names if name in at]
-        table = [
-            _numbers(file, line, [(*row, *[""] * len(at))[k] for k in present])
-            for (line, _), row in zip(numbered[1:], rows[1:], strict=True)
-        ]
-        return np.array([values for values, _ in table]), max(digits for _, digits in table)
+        table = [[(*row, *[""] * len(at))[k] for k in present] for row in rows[1:]]
+        return _numbers(file, zip([line for line, _ in numbered[1:]], table, strict=True))
 
     values, digits = columns("ux", "uy", "uz")
     points = columns("x", "y", "z")[0] if at.keys() & {"x", "y", "z"} else None
@@ -288,11 +263,7 @@ def read_csv(file: Path) -> ForeignResult:
 
 
 def read_vtu(file: Path) -> ForeignResult:
-    """A field of vectors at the points of a .vtu file.
-
-    Raises:
-        MeshError: it cannot be read, or has no such field.
-    """
+    """A field of vectors at the points of a .vtu file."""
     import meshio.vtu
 
     try:

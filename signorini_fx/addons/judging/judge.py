@@ -19,6 +19,7 @@ from signorini_fx.addons.judging.foreign_result import ForeignResult, read_resul
 from signorini_fx.addons.judging.judged_problem import JudgedProblem, judged_problem
 from signorini_fx.addons.judging.solution_on_mesh import NotJudgedError, SolutionOnMesh
 from signorini_fx.mechanics.mesh.files.cells import Floats
+from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.results.files import for_json
 from signorini_fx.tuned import (
     JUDGED_DIGITS,
@@ -39,6 +40,13 @@ NOT_TOLD = "cannot be told"
 _COARSER = 2.0
 # A condition that is violated by more than this share is so with any elements.
 _HALF = 0.5
+# What is said of a violated condition of contact, with its share.
+_CONDITIONS = {
+    "penetration": "sides enter each other by {} of the deformation",
+    "tension": "contact pulls with {} of the largest pressure",
+    "complementarity": "contact presses across an open gap, by {}",
+    "friction": "friction is not that of the slip and the pressure, by {}",
+}
 
 
 @dataclass(frozen=True)
@@ -78,25 +86,12 @@ class Judgement:
         """With which the command ends: 0 it agrees, 4 it does with what was read of the input file, 5 it solves another
         problem, 6 it violates the problem, 7 it cannot be told.
         """
-        if self.agrees:
-            return 4 if self.lost else 0
-        if self.word == NOT_TOLD:
-            return 7
-        return 5 if self.word == ANOTHER else 6
+        return {AGREES: 4 if self.lost else 0, ANOTHER: 5, NOT_TOLD: 7}.get(self.word, 6)
 
     def as_dict(self) -> dict[str, Any]:
         """As plain data for JSON."""
-        data = {
-            "word": self.word,
-            "reason": self.reason,
-            "agrees": self.agrees,
-            "exit_code": self.exit_code,
-            "theirs": self.theirs,
-            "figures": self.figures,
-            "beside": self.beside,
-            "lost": self.lost,
-        }
-        return dict(for_json(data))
+        names = ("word", "reason", "agrees", "exit_code", "theirs", "figures", "beside", "lost")
+        return dict(for_json({name: getattr(self, name) for name in names}))
 
     def __str__(self) -> str:
         first = f"{self.name}: {self.word}"
@@ -125,52 +120,45 @@ def judge(problem: object, result: object) -> Judgement:
     stated = judged_problem(problem)
     theirs = read_result(result, stated)
     about = {"program": theirs.program, "time": theirs.time, "digits": theirs.digits}
-    word, reason = _unusable(stated, theirs)
     judging = _Judging(stated, theirs)
-    if not word:
-        try:
-            word, reason = judging.verdict()
-        except NotJudgedError as missing:
-            word, reason = NOT_TOLD, str(missing)
+    try:
+        word, reason = _of_another_time(stated, theirs) or judging.verdict()
+    except NotJudgedError as missing:
+        word, reason = NOT_TOLD, str(missing)
     lines = {**judging.lines, "effort": f"{time.perf_counter() - begun:.1f} s"}
     return Judgement(theirs.name, word, reason, about, judging.figures, judging.beside, stated.lost, lines)
 
 
-def _unusable(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str, str]:
-    """The word for a result that is none or of another time, and why; empty: it can be judged."""
+def _of_another_time(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str, str] | None:
+    """The word for a result of another time, and why; a result that is none raises ``NotJudgedError``."""
     values = theirs.displacement
     if problem.unjudged:
-        return NOT_TOLD, "; ".join(problem.unjudged)
+        raise NotJudgedError("; ".join(problem.unjudged))
     if np.isinf(values).any():
-        return NOT_TOLD, "it has values that are not finite"
+        raise NotJudgedError("it has values that are not finite")
     if np.isnan(values).any(axis=1).all():
         cure = "; of plane elements write *NODE FILE without OUTPUT=3D" if theirs.program else ""
-        return NOT_TOLD, f"no node of the problem has a displacement{cure}"
+        raise NotJudgedError(f"no node of the problem has a displacement{cure}")
     if not np.abs(np.nan_to_num(values)).max() > 0:
-        return NOT_TOLD, "nothing moves at all"
+        raise NotJudgedError("nothing moves at all")
     if theirs.digits is not None and theirs.digits < JUDGED_DIGITS:
-        return NOT_TOLD, f"it is printed with {theirs.digits} digits, of which {JUDGED_DIGITS} at least are needed"
+        raise NotJudgedError(f"it is printed with {theirs.digits} digits, of which {JUDGED_DIGITS} at least are needed")
     ends = theirs.time, problem.time
-    if ends[0] is not None and ends[1] is not None and not np.isclose(ends[0], ends[1], rtol=10.0**-JUDGED_DIGITS):
-        return ANOTHER, f"it ends at time {ends[0]:g}, and the problem at {ends[1]:g}"
-    return "", ""
+    if ends[0] is None or ends[1] is None or np.isclose(ends[0], ends[1], rtol=10.0**-JUDGED_DIGITS):
+        return None
+    return ANOTHER, f"it ends at time {ends[0]:g}, and the problem at {ends[1]:g}"
 
 
 @dataclass
 class _Judging:
-    """The way to a verdict.
-
-    Attributes:
-        problem: the problem.
-        theirs: the result.
-        figures: see ``Judgement``; likewise ``beside`` and ``lines``.
-    """
+    """The way to a verdict; ``violated``: of each condition what to say if it is, in the order of their lines."""
 
     problem: JudgedProblem
     theirs: ForeignResult
     figures: dict[str, dict[str, float]] = field(default_factory=dict)
     beside: dict[str, float] = field(default_factory=dict)
     lines: dict[str, str] = field(default_factory=dict)
+    violated: dict[str, str] = field(default_factory=dict)
     _at_one_node: bool = False
 
     @cached_property
@@ -185,7 +173,7 @@ class _Judging:
         if arrays.points.size * 2**arrays.dim > JUDGED_FINEST:
             return None
         try:
-            return self.ours.finer()
+            return SolutionOnMesh.of(self.problem, halved(arrays))
         except NotJudgedError:
             return None
 
@@ -229,43 +217,47 @@ class _Judging:
         allowed = error + printed
         self._figure("distance", distance / size, allowed / size)
         self._head(size, error, distance, printed)
-        violated = self._certified(size, allowed)
+        self._certify(size, allowed)
         if units := self._units():
             return ANOTHER, units
-        if self.figures["supports"]["value"] > self.figures["supports"]["threshold"]:
-            return VIOLATES + "supports", violated["supports"]
+        if self._value("supports") > NEGLIGIBLE:
+            return self._violates("supports")
         on_mesh = ours.norm(v - ours.displacement)
         if on_mesh <= printed + NEGLIGIBLE * size:
-            return self._strained_alike(violated)
+            return self._strained_alike()
         if distance > allowed and self._in_increments() <= allowed:
             self.lines["distance"] += f"; solved in {JUDGED_INCREMENTS} increments, within the error"
-            return self._strained_alike(violated)
+            return self._strained_alike()
         # So far elements with fewer points may be away.
         farthest = _COARSER * error + printed
         other_problem = self._other_problem(on_mesh, farthest, printed, agrees=distance <= allowed)
         if other_problem:
             return ANOTHER, other_problem
         if distance <= allowed:
-            return self._strained_alike(violated)
+            return self._strained_alike()
         if any(contact.adjust is not None for contact in self.problem.scene.contact):
             return NOT_TOLD, "ADJUST moves nodes, and it is not a result of the mesh as it is before"
         if self.problem.lost:
             return NOT_TOLD, "it is not a result of the problem as read, which lacks what is listed below"
-        if self._at_one_node and self.figures["equilibrium"]["value"] > allowed / size:
-            return VIOLATES + "equilibrium", violated["equilibrium"]
-        shares = {key: self.figures[key]["value"] for key in violated if key != "supports"}
-        worst = max(shares, key=lambda key: shares[key])
-        if distance <= farthest and shares[worst] <= _HALF:
+        if self._at_one_node and self._value("equilibrium") > allowed / size:
+            return self._violates("equilibrium")
+        worst = max((condition for condition in self.violated if condition != "supports"), key=self._value)
+        if distance <= farthest and self._value(worst) <= _HALF:
             return NOT_TOLD, "it is less accurate than ours, yet no more than elements with fewer points may be"
-        if shares[worst] > allowed / size:
-            return VIOLATES + worst, violated[worst]
+        if self._value(worst) > allowed / size:
+            return self._violates(worst)
         return ANOTHER, "no single load, modulus, gap or friction explains it, and it violates no condition"
 
-    def _strained_alike(self, violated: Mapping[str, str]) -> tuple[str, str]:
+    def _strained_alike(self) -> tuple[str, str]:
         """The word where strains are ours: a rigid motion, which they do not show, may yet violate contact."""
-        shares = {key: self.figures[key]["value"] for key in ("penetration", "complementarity") if key in violated}
-        worst = max(shares, key=lambda key: shares[key], default="")
-        return (VIOLATES + worst, violated[worst]) if worst and shares[worst] > _HALF else (AGREES, "")
+        worst = max(("penetration", "complementarity"), key=self._value)
+        return self._violates(worst) if self._value(worst) > _HALF else (AGREES, "")
+
+    def _violates(self, condition: str) -> tuple[str, str]:
+        return VIOLATES + condition, self.violated[condition]
+
+    def _value(self, name: str) -> float:
+        return self.figures[name]["value"] if name in self.figures else 0.0
 
     def _figure(self, name: str, value: float, threshold: float) -> None:
         self.figures[name] = {"value": float(value), "threshold": float(threshold)}
@@ -283,8 +275,11 @@ class _Judging:
         scene = self.problem.scene
         if not any(contact.friction.acts for contact in scene.contact):
             return np.inf
-        u = self.ours.with_entries({"load_steps": scene.load_steps.remade(steps=JUDGED_INCREMENTS)})
-        return np.inf if u is None else self.ours.norm(self.v - u)
+        try:
+            u = self.ours.with_entries({"load_steps": scene.load_steps.remade(steps=JUDGED_INCREMENTS)})
+        except NotJudgedError:
+            return np.inf
+        return self.ours.norm(self.v - u)
 
     def _other_problem(self, on_mesh: float, farthest: float, printed: float, *, agrees: bool) -> str:
         """The other problem that the result solves, in words; "": there is none."""
@@ -303,66 +298,52 @@ class _Judging:
         self.lines["other"] = f"{other}, with which it is {left / on_mesh:.2g} of its distance away"
         return other if left <= enough else ""
 
-    def _certified(self, size: float, allowed: float) -> dict[str, str]:
-        """The figures of the certificate, and for each condition what to say if it is violated."""
+    def _certify(self, size: float, allowed: float) -> None:
+        """Take the figures of the certificate, and for each condition what to say if it is violated."""
         ours, v = self.ours, self.v
-        largest = float(np.linalg.norm(v, axis=1).max())
         away = np.where(ours.held, np.abs(v - ours.displacement), 0.0)
         node, axis = divmod(int(away.argmax()), v.shape[1])
-        self._figure("supports", away.max() / largest, NEGLIGIBLE)
-        meant = ours.displacement[node, axis]
-        moved = f"{self._node(node)} is moved by {v[node, axis]:.4g} along {'xyz'[axis]}, prescribed is {meant:.4g}"
+        missed = float(away.max() / np.linalg.norm(v, axis=1).max())
+        meant = f"prescribed is {ours.displacement[node, axis]:.4g}"
+        self._figure("supports", missed, NEGLIGIBLE)
+        moved = f"{self._node(node)} is moved by {v[node, axis]:.4g} along {'xyz'[axis]}"
+        self.violated["supports"] = f"{moved}, {meant}"
+        self.lines["supports"] = f"missed by {_percent(missed)} of the largest displacement"
         tractions, remaining_forces = ours.tractions(v)
         unbalanced, worst, self._at_one_node = ours.unbalanced(remaining_forces)
         self._figure("equilibrium", unbalanced / size, allowed / size)
-        texts = {"supports": moved, "equilibrium": f"forces are not balanced, most around {self._node(worst)}"}
-        self.lines["supports"] = f"missed by {_percent(away.max() / largest)} of the largest displacement"
+        self.violated["equilibrium"] = f"forces are not balanced, most around {self._node(worst)}"
         self.lines["equilibrium"] = f"{_percent(unbalanced / size)} of the energy norm missing inside the body"
-        if not len(tractions):
-            return texts
+        if tractions is None:
+            return
         certificate = ours.certificate(v, tractions)
         friction = max(certificate.friction_cone, certificate.wrong_way_slip, certificate.slip_below_bound)
-        shares = {
-            "penetration": certificate.entered,
-            "tension": certificate.negative_pressure,
-            "complementarity": certificate.pressure_at_distance,
-            "friction": friction,
-        }
-        for key, value in shares.items():
-            self._figure(key, value, allowed / size)
-        texts |= {
-            "penetration": f"sides enter each other by {_percent(shares['penetration'])} of the deformation",
-            "tension": f"contact pulls with {_percent(shares['tension'])} of the largest pressure",
-            "complementarity": f"contact presses across an open gap, by {_percent(shares['complementarity'])}",
-            "friction": f"friction is not that of the slip and the pressure, by {_percent(friction)}",
-        }
-        self.lines["contact"] = ", ".join(f"{key} {_percent(shares[key])}" for key in list(shares)[:3])
+        shares = certificate.entered, certificate.negative_pressure, certificate.pressure_at_distance, friction
+        for (condition, text), share in zip(_CONDITIONS.items(), shares, strict=True):
+            self._figure(condition, share, allowed / size)
+            self.violated[condition] = text.format(_percent(share))
+        said = [f"{condition} {_percent(share)}" for condition, share in zip(_CONDITIONS, shares, strict=True)]
+        self.lines["contact"] = ", ".join(said[:3])
         self.lines["friction"] = f"off by {_percent(friction)} of the largest pressure"
-        self._beside(ours.force(tractions))
-        return texts
+        self._compare(ours.force(tractions))
 
-    def _beside(self, force: float) -> None:
-        """What users look at, beside ours."""
-        ours, finer = self.ours, self.finer
-        u = ours.displacement
-        largest = np.linalg.norm(u, axis=1).max()
-        of_ours = ours.force(ours.tractions(u)[0])
-        self.beside["displacement"] = float(np.linalg.norm(self.v - u, axis=1).max() / largest)
-        if of_ours > 0:
-            self.beside["force"] = abs(force - of_ours) / of_ours
+    def _compare(self, force: float) -> None:
+        """Take what users look at, beside ours."""
+        ours, finer, u = self.ours, self.finer, self.ours.displacement
+        changes = {"": (self.v - u, force)}
         if finer is not None:
-            fine = finer.displacement
-            change = np.linalg.norm(ours.on_finer(u) - fine, axis=1).max()
-            self.beside["displacement_of_mesh"] = float(change / largest)
-            if of_ours > 0:
-                self.beside["force_of_mesh"] = abs(finer.force(finer.tractions(fine)[0]) - of_ours) / of_ours
-        words = {"displacement": "displacement", "force": "contact force"}
+            changes["_of_mesh"] = ours.on_finer(u) - finer.displacement, finer.own_force
+        for suffix, (away, pressed) in changes.items():
+            largest = np.linalg.norm(away, axis=1).max()
+            self.beside["displacement" + suffix] = float(largest / np.linalg.norm(u, axis=1).max())
+            if ours.own_force > 0:
+                self.beside["force" + suffix] = abs(pressed - ours.own_force) / ours.own_force
         said = []
-        for key, word in words.items():
+        for key, word in (("displacement", "displacement"), ("force", "contact force")):
             if key in self.beside:
-                of_mesh = self.beside.get(f"{key}_of_mesh")
-                mesh = "" if of_mesh is None else f" (ours changes by {_percent(of_mesh)} on the finer mesh)"
-                said.append(f"{word} {_percent(self.beside[key])}{mesh}")
+                said.append(f"{word} {_percent(self.beside[key])}")
+                if finer is not None:
+                    said[-1] += f" (ours changes by {_percent(self.beside[key + '_of_mesh'])} on the finer mesh)"
         self.lines["beside ours"] = ", ".join(said)
 
     def _head(self, size: float, error: float, distance: float, printed: float) -> None:

@@ -65,25 +65,19 @@ class SolutionOnMesh:
         block[numbers.ravel()] = space.dofmap.list.ravel()
         return cls(problem, arrays, mesh, solution, block)
 
-    def finer(self) -> SolutionOnMesh:
-        """That on the mesh with all sides halved.
-
-        Raises:
-            NotJudgedError: there is none.
-        """
-        return SolutionOnMesh.of(self.problem, halved(self.arrays))
-
     def on_finer(self, u: Floats) -> Floats:
         """The same displacement at the nodes of the mesh with all sides halved."""
         # What is done to positions, which the shape functions of the cells interpolate, is done to displacements, too.
         return halved(replace(self.arrays, points=u)).points
 
-    def with_entries(self, entries: Mapping[str, Any]) -> Floats | None:
-        """The displacement that solves the problem with other entries of its scene; None: there is none."""
-        try:
-            return self._at_nodes(_solved(self.problem, self.mesh, **entries).displacement)
-        except NotJudgedError:
-            return None
+    def with_entries(self, entries: Mapping[str, Any]) -> Floats:
+        """The displacement that solves the problem with other entries of its scene.
+
+        Raises:
+            NotJudgedError: there is none.
+            SceneError: the scene contradicts itself.
+        """
+        return self._at_nodes(_solved(self.problem, self.mesh, **entries).displacement)
 
     @cached_property
     def displacement(self) -> Floats:
@@ -144,34 +138,31 @@ class SolutionOnMesh:
         return np.asarray(self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block], dtype=np.bool_)
 
     @cached_property
-    def points_of_contact(self) -> sp.csr_array | None:
+    def points_of_contact(self) -> sp.csr_array:
         """From displacements of the nodes to relative ones at the contact points, shape (points d, n d)."""
         if self.solution.contact is None:
-            return None
+            return sp.csr_array((0, self.unknowns.size))
         averages, dim = self.solution.contact.boundary.averages, self.arrays.dim
-        node = np.empty(len(self.block), dtype=np.int64)
-        node[self.block] = np.arange(len(self.block))
-        columns = (dim * node[averages.nodes][:, None] + np.arange(dim)).ravel()
-        place = sp.csr_array(
-            (np.ones(columns.size), (np.arange(columns.size), columns)), (columns.size, node.size * dim)
-        )
-        return sp.csr_array(averages.operator @ place)
+        columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()
+        of_unknowns = sp.csr_array(averages.operator @ sp.eye_array(self.unknowns.size, format="csr")[columns])
+        return of_unknowns[:, self.unknowns.ravel()]
 
-    def tractions(self, v: Floats) -> tuple[Floats, Floats]:
-        """Of a displacement the tractions at the contact points, shape (points, d), and the forces at nodes that they
+    def tractions(self, v: Floats) -> tuple[Tractions | None, Floats]:
+        """Of a displacement the tractions at the contact points, None without any, and the forces at nodes that they
         leave unbalanced, shape (n, d).
         """
         left = -(self.stiffness @ (v - self.displacement).ravel())
-        operator, state, free = self.points_of_contact, self.solution.contact, ~self.held.ravel()
-        if operator is None or state is None:
-            return np.zeros((0, self.arrays.dim)), np.where(self.held, 0.0, left.reshape(v.shape))
-        boundary, dim = state.boundary, self.arrays.dim
-        spread = sp.csr_array(operator.T @ sp.diags_array(np.repeat(boundary.weight, dim)))
-        of_ours = Tractions.of(state)
-        ours = of_ours.pressure[:, None] * boundary.normal + of_ours.shear
-        change = lsqr(spread[free], left[free], atol=0.0, btol=1e-14)[0]
-        left = np.where(free, left - spread @ change, 0.0)
-        return ours + change.reshape(-1, dim), left.reshape(v.shape)
+        state, free, tractions = self.solution.contact, ~self.held.ravel(), None
+        if state is not None:
+            boundary, ours = state.boundary, Tractions.of(state)
+            spread = sp.csr_array(self.points_of_contact.T @ sp.diags_array(np.repeat(boundary.weight, v.shape[1])))
+            change = lsqr(spread[free], left[free], atol=0.0, btol=1e-14)[0]
+            left = left - spread @ change
+            change = change.reshape(-1, v.shape[1])
+            pressure = np.einsum("nd,nd->n", change, boundary.normal)
+            shear = change - pressure[:, None] * boundary.normal
+            tractions = replace(ours, pressure=ours.pressure + pressure, shear=ours.shear + shear)
+        return tractions, np.where(self.held, 0.0, left.reshape(v.shape))
 
     def unbalanced(self, left: Floats) -> tuple[float, int, bool]:
         """How far a displacement is from equilibrium in the energy norm where nothing touches, the worst node, and
@@ -181,8 +172,7 @@ class SolutionOnMesh:
             left: the forces at nodes that are not balanced, shape (n, d).
         """
         inside = ~self.held.ravel()
-        if self.points_of_contact is not None:
-            inside[self.points_of_contact.nonzero()[1]] = False
+        inside[self.points_of_contact.nonzero()[1]] = False
         rows = np.flatnonzero(inside)
         within = self.stiffness[rows][:, rows]
         # Bodies that nothing holds would make it singular.
@@ -193,29 +183,26 @@ class SolutionOnMesh:
         at_nodes = works.reshape(left.shape).sum(axis=1)
         return float(np.sqrt(works.sum())), int(at_nodes.argmax()), bool(2 * at_nodes.max() > works.sum())
 
-    def certificate(self, v: Floats, traction: Floats) -> Certificate:
+    def certificate(self, v: Floats, tractions: Tractions) -> Certificate:
         """The certificate of a displacement of the last load step with tractions at the contact points."""
         solution, u = self.solution, fem.Function(self.solution.displacement.function_space)
         u.x.array[self.unknowns] = v
-        claimed = None if solution.contact is None else self._claimed(traction)
         steps, law = solution.shown_steps, solution.certificate.law
         last = None
         if len(steps) > 1 and steps[-2].contact is not None:
             last = PreviousStep.of(steps[-2].displacement, Tractions.of(steps[-2].contact), law, None)
-        return solution.model.certified(u, claimed, law=law, step=steps[-1].place, last=last, rigid=())
+        return solution.model.certified(u, tractions, law=law, step=steps[-1].place, last=last, rigid=())
 
-    def _claimed(self, traction: Floats) -> Tractions:
+    @property
+    def own_force(self) -> float:
+        """Ours at the contact points, force."""
         assert self.solution.contact is not None
-        boundary = self.solution.contact.boundary
-        pressure = np.einsum("nd,nd->n", traction, boundary.normal)
-        shear = traction - pressure[:, None] * boundary.normal
-        return Tractions(boundary.part, boundary.nodes, pressure, shear)
+        return self.force(Tractions.of(self.solution.contact))
 
-    def force(self, traction: Floats) -> float:
+    def force(self, tractions: Tractions) -> float:
         """The sum of what presses at the contact points, force."""
         assert self.solution.contact is not None
-        boundary = self.solution.contact.boundary
-        return float(boundary.weight @ np.einsum("nd,nd->n", traction, boundary.normal))
+        return float(self.solution.contact.boundary.weight @ tractions.pressure)
 
 
 def _solved(problem: JudgedProblem, mesh: TaggedMesh, **entries: Any) -> Solution:
