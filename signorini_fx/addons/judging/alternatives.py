@@ -22,21 +22,13 @@ from signorini_fx.tuned import JUDGED_INCREMENTS, NOTABLE
 
 @dataclass(frozen=True)
 class Alternative:
-    """A number of the problem that may be another one.
+    """A number of the problem that may be another one."""
 
-    Attributes:
-        text: what to say of a value and its inverse.
-        start: its value in the problem.
-        trial: another value, from which its effect is seen.
-        entries: the entries of the scene with a value.
-        least: the smallest value.
-    """
-
-    text: Callable[[float, float], str]
-    start: float
-    trial: float
-    entries: Callable[[float], dict[str, Any]]
-    least: float = -np.inf
+    text: Callable[[float, float], str]  # what to say of a value and its inverse
+    start: float  # its value in the problem
+    trial: float  # another value, from which its effect is seen
+    entries: Callable[[float], dict[str, Any]]  # of the scene with a value
+    least: float = -np.inf  # the smallest value
 
 
 def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tuple[str, float] | None:

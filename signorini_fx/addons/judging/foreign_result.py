@@ -25,27 +25,16 @@ _DIGITS_OF_SINGLE = 7
 
 @dataclass(frozen=True)
 class ForeignResult:
-    """Displacements at the points of a file, or at the nodes of a problem.
+    """Displacements at the points of a file, or at the nodes of a problem."""
 
-    Attributes:
-        displacement: length, shape (n, 2 or 3); at nodes NaN where there is none, shape (n, d).
-        digits: with which they were printed; None: with all.
-        numbers: of the nodes in the file, shape (n,); None: not known.
-        points: positions in the file, length, shape (n, 2 or 3); None: not known.
-        cells: points of the cells of each kind, shape (m, k); none where only points are known.
-        time: of the last increment; None: not known.
-        program: that wrote them; "": it does not say.
-        name: of the file, or what it is.
-    """
-
-    displacement: Floats
-    digits: int | None = None
-    numbers: Ints | None = None
-    points: Floats | None = None
-    cells: tuple[Ints, ...] = ()
-    time: float | None = None
-    program: str = ""
-    name: str = "the result"
+    displacement: Floats  # length, shape (n, 2 or 3); at nodes NaN where there is none, shape (n, d)
+    digits: int | None = None  # with which they were printed; None: with all
+    numbers: Ints | None = None  # of the nodes in the file, shape (n,); None: not known
+    points: Floats | None = None  # positions in the file, length, shape (n, 2 or 3); None: not known
+    cells: tuple[Ints, ...] = ()  # points of the cells of each kind, shape (m, k); none where only points are known
+    time: float | None = None  # of the last increment; None: not known
+    program: str = ""  # that wrote them; "": it does not say
+    name: str = "the result"  # of the file, or what it is
 
     @property
     def half_unit(self) -> float:

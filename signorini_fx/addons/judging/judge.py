@@ -133,7 +133,7 @@ def _of_another_time(problem: JudgedProblem, theirs: ForeignResult) -> tuple[str
     """The word for a result of another time, and why; a result that is none raises ``NotJudgedError``."""
     values = theirs.displacement
     if problem.unjudged:
-        raise NotJudgedError("; ".join(problem.unjudged))
+        raise NotJudgedError(problem.unjudged)
     if np.isinf(values).any():
         raise NotJudgedError("it has values that are not finite")
     if np.isnan(values).any(axis=1).all():

@@ -24,23 +24,29 @@ from signorini_fx.scenes.scene import Scene
 
 @dataclass(frozen=True)
 class JudgedProblem:
-    """A problem.
-
-    Attributes:
-        scene: what is stated.
-        arrays: its mesh with the nodes of its elements.
-        names: the numbers of the nodes that a result has, which are the first ones of the mesh, shape (n,).
-        lost: what the scene lacks of its input file.
-        time: at the end of the last load step; None: not known.
-        unjudged: what it has that cannot be judged; empty: nothing.
-    """
+    """A problem: what is stated, on a mesh with the nodes of its elements."""
 
     scene: Scene
     arrays: MeshArrays
-    names: Ints
-    lost: tuple[str, ...] = ()
-    time: float | None = None
-    unjudged: tuple[str, ...] = ()
+    names: Ints  # the numbers of the nodes that a result has, which are the first ones of the mesh, shape (n,)
+    lost: tuple[str, ...] = ()  # what the scene lacks of its input file
+    time: float | None = None  # at the end of the last load step; None: not known
+
+    @property
+    def unjudged(self) -> str:
+        """What of it cannot be judged, in words; "": nothing."""
+        scene, element = self.scene, self.scene.element
+        reasons = {
+            "materials that are not linear are not judged": scene.statement.nonlinear,
+            "elements with a pressure of their own are not judged": element.volumetric == "mixed",
+            "elements of degree 1 on cells of degree 2 are not judged: set element.degree = 2": element.degree
+            < self.arrays.degree,
+            "displacements out of the section are not judged": scene.statement.kinematics.out_of_section,
+            "sections inside a body, such as those of bolts, are not judged": scene.statement.sections,
+            "rigid bodies that forces move are not judged": scene.rigid
+            or any(entry.tool is not None for entry in scene.contact),
+        }
+        return "; ".join(reason for reason, there in reasons.items() if there)
 
     @property
     def points(self) -> Floats:
@@ -80,7 +86,7 @@ def judged_problem(problem: object) -> JudgedProblem:
     names = np.arange(1, len(arrays.points) + 1)
     contacts = [contact.model_copy(update={"contact_size": None}) for contact in scene.contact]  # cells are made
     scene = scene.model_copy(update={"contact": contacts})
-    return JudgedProblem(scene, arrays, names, unjudged=tuple(_unjudged(scene, arrays)))
+    return JudgedProblem(scene, arrays, names)
 
 
 def _of_deck(file: Path) -> JudgedProblem:
@@ -93,23 +99,4 @@ def _of_deck(file: Path) -> JudgedProblem:
         except SceneError as error:
             raise error.of(file) from None
     deck = drafted.deck
-    unjudged = tuple(_unjudged(scene, deck.mesh))
-    return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period, unjudged)
-
-
-def _unjudged(scene: Scene, arrays: MeshArrays) -> list[str]:
-    """What of a problem cannot be judged, in words."""
-    reasons = []
-    if scene.statement.nonlinear:
-        reasons.append("materials that are not linear are not judged")
-    if scene.element.volumetric == "mixed":
-        reasons.append("elements with a pressure of their own are not judged")
-    if scene.element.degree < arrays.degree:
-        reasons.append("elements of degree 1 on cells of degree 2 are not judged: set element.degree = 2")
-    if scene.statement.kinematics.out_of_section:
-        reasons.append("displacements out of the section are not judged")
-    if scene.statement.sections:
-        reasons.append("sections inside a body, such as those of bolts, are not judged")
-    if scene.rigid or any(entry.tool is not None for entry in scene.contact):
-        reasons.append("rigid bodies that forces move are not judged")
-    return reasons
+    return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period)

@@ -34,21 +34,13 @@ class NotJudgedError(Exception):
 
 @dataclass(frozen=True)
 class SolutionOnMesh:
-    """Our solution on a mesh.  Displacements have the order of its nodes, shape (n, d).
-
-    Attributes:
-        problem: what is solved.
-        arrays: the mesh.
-        mesh: the same for the solver.
-        solution: ours.
-        block: of each node, the number of its unknowns, shape (n,).
-    """
+    """Our solution on a mesh.  Displacements have the order of its nodes, shape (n, d)."""
 
     problem: JudgedProblem
     arrays: MeshArrays
-    mesh: TaggedMesh
+    mesh: TaggedMesh  # the same for the solver
     solution: Solution
-    block: Ints
+    block: Ints  # of each node, the number of its unknowns, shape (n,)
 
     @classmethod
     def of(cls, problem: JudgedProblem, arrays: MeshArrays) -> SolutionOnMesh:

@@ -283,12 +283,9 @@ def history(summary: dict[str, Any]) -> Markup:
 def made_with(summary: dict[str, Any]) -> Markup:
     """When and with what: date, versions, ranks and times."""
     versions = summary["versions"]
-    done = "Solved" if was_solved(summary) else "Tried"
-    when = (
-        f"{done} on {summary['finished'].replace('T', ' ').replace('+00:00', ' UTC')}"
-        if "finished" in summary
-        else done
-    )
+    when = done(summary).capitalize()
+    if "finished" in summary:
+        when += f" on {summary['finished'].replace('T', ' ').replace('+00:00', ' UTC')}"
     ranks = f"{summary['ranks']} rank{'s' * (summary['ranks'] > 1)}"
     programs = " and ".join(f"{name} {versions[name]}" for name in ("signorini_fx", "dolfinx") if versions.get(name))
     timings = table(["phase", "seconds"], [(name, _two_digits(value)) for name, value in summary["timings"].items()])
