@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 
-from signorini_fx.addons.pictures import deformed_body
 from signorini_fx.addons.pictures.body import DrawnBody, tiling
 from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
 
@@ -28,15 +27,12 @@ def on(gap, touching, lines=()):
     return DrawnFoundation(BOTTOM, gap[:, None] * DOWN, touching, np.full(13, False), shaped, lines)
 
 
-def drawn(monkeypatch, gap, displacement, **options):
-    """The axes of the picture and its title; ``gap`` along the bottom."""
-    kept = []
-    monkeypatch.setattr(deformed_body, "finish", lambda figure, stem, title, suffixes: kept.append((figure, title)))
+def drawn(gap, displacement, **options):
+    """The axes of the picture and its remark; ``gap`` along the bottom."""
     foundation = on(gap, gap <= -displacement[:13, 1] + 1e-12)
     body = replace(BODY, displacement=displacement)
-    deformed_mesh("nowhere", body, "von_mises", foundation=foundation, **options)
-    figure, title = kept[0]
-    return [axes for axes in figure.axes if axes.get_label() != "<colorbar>"], title
+    figure, remark = deformed_mesh(body, "von_mises", foundation=foundation, **options)
+    return [axes for axes in figure.axes if axes.get_label() != "<colorbar>"], remark
 
 
 def body_of(axes):
@@ -53,12 +49,12 @@ def sinking(depth):
     return np.tile([0.0, -depth], (38, 1))
 
 
-def test_a_gap_that_hardly_varies_is_magnified_like_the_displacement(monkeypatch):
+def test_a_gap_that_hardly_varies_is_magnified_like_the_displacement():
     """One panel: body and foundation touch in it where they touch."""
     gap = 0.001 + 0.0005 * (X - 1.5) ** 2
     displacement = sinking(0.001)
     factor = replace(BODY, displacement=displacement).factor
-    (axes,), title = drawn(monkeypatch, gap, displacement)
+    (axes,), title = drawn(gap, displacement)
     assert factor == 200
     assert "displacement and gap" in title
     assert "200" in title
@@ -74,22 +70,22 @@ def test_round_off_is_not_magnified():
 
 
 @pytest.mark.parametrize("gap", [0.3 * (X - 1.5) ** 2, np.where(X < 2, 0.0, 0.1 * (X - 2)), np.full(13, 0.2)])
-def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(monkeypatch, gap):
+def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(gap):
     """All as it is then, and nothing is magnified."""
     gap = gap + 0.001
     displacement = sinking(0.0012)
     assert replace(BODY, displacement=displacement).factor > 1
-    (axes, *_), title = drawn(monkeypatch, gap, displacement)
+    (axes, *_), title = drawn(gap, displacement)
     assert r"displacement $\times\,1$" in title
     np.testing.assert_allclose(body_of(axes), (POINTS + displacement)[CELLS])
     np.testing.assert_allclose(foundation_of(axes).get_xydata(), BOTTOM + gap[:, None] * DOWN)
 
 
-def test_a_small_contact_zone_is_enlarged(monkeypatch):
+def test_a_small_contact_zone_is_enlarged():
     """In a second panel, which shows it as it is."""
     gap = 0.3 * (X - 1.5) ** 2 + 0.001
     gap[[5, 6, 7]] = 0.001
-    (whole, zone), title = drawn(monkeypatch, gap, sinking(0.0012))
+    (whole, zone), title = drawn(gap, sinking(0.0012))
     assert title == r"left: displacement $\times\,1$; right: the contact zone as it is"
     low, high = zone.get_xlim()
     assert 0 < low < X[5] < X[7] < high < 3

@@ -11,7 +11,6 @@ from scenes import alone, example1, on_mesh, rectangle
 from scipy.spatial import cKDTree
 from spaces import block, box
 
-from signorini_fx.addons.pictures import deformed_body
 from signorini_fx.addons.pictures.deformed_body import deformed_mesh
 from signorini_fx.addons.pictures.gather import gather_cells, gather_outer_surface
 from signorini_fx.machine import parallel
@@ -154,13 +153,13 @@ def two_layers():
     return solve(on_mesh(scene, replace(tagged, cell_tags=tags, regions={"below": 1, "above": 2})), mesh.comm)
 
 
-def test_a_jump_between_materials_is_not_smeared(tmp_path, monkeypatch):
+def test_a_jump_between_materials_is_not_smeared(tmp_path):
     """Along the interface each side has its own stress, and the picture has no other values."""
     gathered = gather_cells(two_layers(), ("von_mises",))
     middle = gathered.points[gathered.perimeters].mean(axis=1)[:, 1]
     expected = np.where(middle > 0.5, 0.1, 10.0)[:, None].repeat(5, axis=1)  # E times 0.03 / 3
     np.testing.assert_allclose(gathered.values["von_mises"], expected, rtol=1e-5)
-    mesh, _ = drawn_in_the_plane(monkeypatch, gathered)
+    mesh, _ = drawn_in_the_plane(gathered)
     corners = mesh.get_array()[mesh._triangulation.triangles]
     np.testing.assert_allclose(corners.min(axis=1), corners.max(axis=1), rtol=1e-5)
 
@@ -193,28 +192,25 @@ def test_a_jump_between_materials_in_space():
     np.testing.assert_allclose(surface.values["von_mises"], expected, rtol=1e-5)
 
 
-def drawn_in_the_plane(monkeypatch, gathered, name="von_mises"):
+def drawn_in_the_plane(gathered, name="von_mises"):
     """What has colours that vary within cells, and the label of the colour bar."""
-    kept = []
-    monkeypatch.setattr(deformed_body, "finish", lambda figure, stem, title, suffixes: kept.append(figure))
-    deformed_mesh("nowhere", gathered, name)
-    axes, bar = kept[0].axes
+    axes, bar = deformed_mesh(gathered, name)[0].axes
     (mesh,) = (one for one in axes.collections if isinstance(one, TriMesh))
     return mesh, bar.get_xlabel()
 
 
-def test_the_colour_bar_says_what_is_seen(monkeypatch):
+def test_the_colour_bar_says_what_is_seen():
     """Recovered, raw, or the displacement itself, which needs no recovery."""
     points = gather_cells(alone(example1(nx=6, ny=2)), ("von_mises", "displacement"))
-    mesh, label = drawn_in_the_plane(monkeypatch, points)
+    mesh, label = drawn_in_the_plane(points)
     assert label == "von Mises stress, recovered"
     drawn = np.column_stack((mesh._triangulation.x, mesh._triangulation.y))
     away, at = cKDTree(drawn).query((points.points + 50 * points.displacement)[points.within])
     assert away.max() < 1e-12
     np.testing.assert_allclose(mesh.get_array()[at], points.values["von_mises"], rtol=1e-5)
-    _, label = drawn_in_the_plane(monkeypatch, points, "displacement")
+    _, label = drawn_in_the_plane(points, "displacement")
     assert label.split(" (unit")[0] == "size of the displacement"
-    _, label = drawn_in_the_plane(monkeypatch, replace(points, recovered=False))
+    _, label = drawn_in_the_plane(replace(points, recovered=False))
     assert label == "von Mises stress, raw"
 
 

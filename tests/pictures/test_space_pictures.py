@@ -88,7 +88,7 @@ def surface_in(folder):
 def drawn(folder):
     """Sides and figure of the contact surface from the files."""
     table, facets = surface_in(folder)
-    return contact_surface.sides_of(table, facets), contact_surface.contact_figure(table, facets)
+    return contact_surface.sides_of(table, facets), contact_surface.contact_surface(table, facets)
 
 
 def panels(figure):

@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -25,11 +24,9 @@ from signorini_fx.addons.pictures.style import (
     MUTED,
     ORANGE,
     RULE,
-    SCREEN,
     STYLE,
     Floats,
     decimal_power,
-    finish,
     largest_of,
     plain,
     unit_of,
@@ -206,13 +203,8 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
     return [Panel("stress", [*shears, *bounds], reach), Panel("length", motions, least=least)]
 
 
-def boundary_profiles(
-    path_stem: str | Path,
-    table: Table,
-    *,
-    title: str = "",
-    suffixes: Sequence[str] = SCREEN,
-) -> None:
+@mpl.rc_context(STYLE)
+def boundary_profiles(table: Table) -> Figure:
     """Draw the curves along the contact boundary, one block per boundary.
 
     Left: contact pressure lambda, and below it the normal displacement
@@ -226,28 +218,27 @@ def boundary_profiles(
     boundaries = [boundary.near() for boundary in boundaries_of(table)]
     rubs = any(boundary.has_friction for boundary in boundaries)
     sides = ("contact", "friction") if rubs else ("contact",)
-    with mpl.rc_context(STYLE):
-        size = (7.2 if len(sides) == 2 else 4.2, 3.9 * len(boundaries) + 0.4)
-        figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03, wspace=0.05))
-        heights = [1, 0.8, 0.055] * len(boundaries)
-        grid = figure.add_gridspec(3 * len(boundaries), len(sides), height_ratios=heights)
-        seen: set[str] = set()
-        for i, boundary in enumerate(boundaries):
-            for j, side in enumerate(sides):
-                name = boundary.name if len(boundaries) > 1 else ""
-                upper = figure.add_subplot(grid[3 * i, j])
-                if side == "friction" and not boundary.has_friction:
-                    upper.set_axis_off()
-                    upper.text(0.5, 0.5, f"{name}: no friction", color=MUTED, ha="center", transform=upper.transAxes)
-                    continue
-                lower = figure.add_subplot(grid[3 * i + 1, j], sharex=upper)
-                strip = figure.add_subplot(grid[3 * i + 2, j], sharex=upper)
-                for axes, panel in zip((upper, lower), panels_of(boundary, side), strict=True):
-                    panel.draw(axes, boundary, name if axes is upper else "")
-                seen.update(boundary.states)
-                state_strip(strip, boundary)
-        state_legend(figure, seen)
-        finish(figure, path_stem, title, suffixes)
+    size = (7.2 if len(sides) == 2 else 4.2, 3.9 * len(boundaries) + 0.4)
+    figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(hspace=0.0, h_pad=0.03, wspace=0.05))
+    heights = [1, 0.8, 0.055] * len(boundaries)
+    grid = figure.add_gridspec(3 * len(boundaries), len(sides), height_ratios=heights)
+    seen: set[str] = set()
+    for i, boundary in enumerate(boundaries):
+        for j, side in enumerate(sides):
+            name = boundary.name if len(boundaries) > 1 else ""
+            upper = figure.add_subplot(grid[3 * i, j])
+            if side == "friction" and not boundary.has_friction:
+                upper.set_axis_off()
+                upper.text(0.5, 0.5, f"{name}: no friction", color=MUTED, ha="center", transform=upper.transAxes)
+                continue
+            lower = figure.add_subplot(grid[3 * i + 1, j], sharex=upper)
+            strip = figure.add_subplot(grid[3 * i + 2, j], sharex=upper)
+            for axes, panel in zip((upper, lower), panels_of(boundary, side), strict=True):
+                panel.draw(axes, boundary, name if axes is upper else "")
+            seen.update(boundary.states)
+            state_strip(strip, boundary)
+    state_legend(figure, seen)
+    return figure
 
 
 def state_legend(figure: Figure, states: set[str]) -> None:

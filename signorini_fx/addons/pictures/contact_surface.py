@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -24,12 +22,10 @@ from signorini_fx.addons.pictures.marks import spaced, usual_range
 from signorini_fx.addons.pictures.style import (
     INK,
     MUTED,
-    SCREEN,
     STYLE,
     VALUES,
     Floats,
     decimal_power,
-    finish,
     largest_of,
     math_number,
     plain,
@@ -107,14 +103,8 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
     return sides
 
 
-def contact_surface(
-    path_stem: str | Path,
-    table: Table,
-    facets: Rows,
-    *,
-    title: str = "",
-    suffixes: Sequence[str] = SCREEN,
-) -> None:
+@mpl.rc_context(STYLE)
+def contact_surface(table: Table, facets: Rows) -> Figure:
     """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
     Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear stress mu as arrows.
@@ -125,12 +115,6 @@ def contact_surface(
     and says so.  Without friction: only pressure.  ``table``: columns of ``contact.csv``; ``facets``: its rows at each
     facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
     """
-    with mpl.rc_context(STYLE):
-        finish(contact_figure(table, facets), path_stem, title, suffixes)
-
-
-def contact_figure(table: Table, facets: Rows) -> Figure:
-    """The figure that ``contact_surface`` writes."""
     sides = [side for side in sides_of(table, facets) if side.polygons.size]
     windows = [_window(side) for side in sides]
     panels = [(side, window, state) for side, window in zip(sides, windows, strict=True) for state in (False, True)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -18,7 +17,7 @@ from matplotlib.tri import Triangulation
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.marks import Largest, Tones, mark_largest, usual_range
-from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
+from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats, math_number
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SHARP_EDGE, SMALL_PART, SMALL_ZONE, VISIBLE_CELL
 
@@ -74,17 +73,11 @@ class DrawnFoundation:
         return keeps_shape((factor - 1) * float(np.hypot(*self.offset.T).max()), size, real, drawn)
 
 
+@mpl.rc_context(STYLE)
 def deformed_mesh(
-    path_stem: str | Path,
-    body: DrawnBody,
-    name: str,
-    *,
-    foundation: DrawnFoundation | None = None,
-    largest: Largest | None = None,
-    title: str = "",
-    suffixes: Sequence[str] = SCREEN,
-) -> None:
-    """Draw the deformed mesh on its foundation, a field in colours.
+    body: DrawnBody, name: str, *, foundation: DrawnFoundation | None = None, largest: Largest | None = None
+) -> tuple[Figure, str]:
+    """Draw the deformed mesh on its foundation, a field in colours; and say what is magnified.
 
     A displacement that is magnified needs a gap that is magnified alike, or the body would seem to enter the
     foundation.  That is a true picture as long as the gap hardly varies.  Where the magnified gap would bend the
@@ -119,23 +112,22 @@ def deformed_mesh(
     widest = _WIDEST[len(panels)]
     widths = [min(widest, widest / aspect) for aspect in aspects]
     height = max(width * aspect for width, aspect in zip(widths, aspects, strict=True))
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(max(sum(widths), 3.0) + 0.7 * len(panels), height + 1.3), layout="constrained")
-        grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
-        for axes, (scale, (low, high)), width in zip(grid, panels, widths, strict=True):
-            _draw_body(axes, body, name, tones, scale, inch=width / float(high[0] - low[0]))
-            for line, side in _foundations(body, pieces, shapes, scale):
-                _draw_foundation(axes, line, side, 0.035 * float(np.max(high - low)))
-            undeformed = "" if scale == 1 else ", undeformed"
-            axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-            axes.set(xlabel=f"$x${undeformed}{bracketed('length')}", ylabel=f"$y${undeformed}{bracketed('length')}")
-            axes.spines[:].set_visible(False)
-            axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
-            axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
-        if largest is not None:
-            mark_largest(grid[0], largest.moved(body, name, factor), largest.text)
-        tones.bar(figure, list(grid))
-        finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
+    figure = Figure(figsize=(max(sum(widths), 3.0) + 0.7 * len(panels), height + 1.3), layout="constrained")
+    grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
+    for axes, (scale, (low, high)), width in zip(grid, panels, widths, strict=True):
+        _draw_body(axes, body, name, tones, scale, inch=width / float(high[0] - low[0]))
+        for line, side in _foundations(body, pieces, shapes, scale):
+            _draw_foundation(axes, line, side, 0.035 * float(np.max(high - low)))
+        undeformed = "" if scale == 1 else ", undeformed"
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        axes.set(xlabel=f"$x${undeformed}{bracketed('length')}", ylabel=f"$y${undeformed}{bracketed('length')}")
+        axes.spines[:].set_visible(False)
+        axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
+        axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))
+    if largest is not None:
+        mark_largest(grid[0], largest.moved(body, name, factor), largest.text)
+    tones.bar(figure, list(grid))
+    return figure, remark
 
 
 def _remark(pieces: Sequence[DrawnFoundation], factor: float) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -21,10 +20,8 @@ from signorini_fx.addons.pictures.style import (
     MUTED,
     ORANGE,
     RULE,
-    SCREEN,
     STYLE,
     decimal_power,
-    finish,
     largest_of,
     plain,
     unit_of,
@@ -49,7 +46,8 @@ class _Curve:
     dashed: bool = False
 
 
-def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suffixes: Sequence[str] = SCREEN) -> None:
+@mpl.rc_context(STYLE)
+def load_steps(steps: Table, *, around: bool = False) -> Figure:
     """Draw the forces of the foundation on the body step by step, and below the largest component of the friction force
     against the motion, or the torque of friction; of several boundaries the largest components of each.  On a boundary
     that closes around a body forces balance each other: there the integral of the pressure and the moment of friction.
@@ -78,13 +76,12 @@ def load_steps(path_stem: str | Path, steps: Table, *, around: bool = False, suf
         ("time", "moment", moments),
     ]
     panels = [(over, kind, curves) for over, kind, curves in panels if _largest(curves) > 0]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.4, 0.6 + 2.4 * max(len(panels), 1)), layout="constrained")
-        for part, (over, kind, curves) in zip(
-            figure.subplots(max(len(panels), 1), squeeze=False)[:, 0], panels, strict=False
-        ):
-            _draw(part, over, "moment" if curves is motions and "torque" in steps else kind, curves)
-        finish(figure, path_stem, "", suffixes)
+    figure = Figure(figsize=(4.4, 0.6 + 2.4 * max(len(panels), 1)), layout="constrained")
+    for part, (over, kind, curves) in zip(
+        figure.subplots(max(len(panels), 1), squeeze=False)[:, 0], panels, strict=False
+    ):
+        _draw(part, over, "moment" if curves is motions and "torque" in steps else kind, curves)
+    return figure
 
 
 def _columns(steps: Table, kind: str, axes: Sequence[str], end: str) -> list[_Curve]:
@@ -149,9 +146,8 @@ _ERRORS = {
 }
 
 
-def errors_and_costs(
-    path_stem: str | Path, rows: Sequence[Mapping[str, Any]], *, title: str = "", suffixes: Sequence[str] = SCREEN
-) -> None:
+@mpl.rc_context(STYLE)
+def errors_and_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Estimated errors against the unknowns, and against the time: one point per mesh, open the next one, predicted.
 
     The time is that of all meshes up to this one, as a nested iteration needs them all.  ``rows``: of
@@ -159,26 +155,25 @@ def errors_and_costs(
     """
     seconds = list(itertools.accumulate(row["seconds"] for row in rows))
     costs = {"unknowns": [row["dofs"] for row in rows], "seconds, all meshes so far": seconds}
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.4, 3.2), layout="constrained")
-        panels = figure.subplots(1, 2, sharey=True)
-        for axes, (name, cost) in zip(panels, costs.items(), strict=True):
-            for quantity, (label, colour, marker, line) in _ERRORS.items():
-                known = [k for k, row in enumerate(rows) if row[quantity] and row[quantity] > ZERO_IN_SOLUTION]
-                solved = [k for k in known if not rows[k]["predicted"]]
-                if not solved:
-                    continue
-                style = {"color": colour, "linestyle": line, "marker": marker, "markersize": 4.5}
-                axes.plot([cost[k] for k in solved], [rows[k][quantity] for k in solved], label=label, **style)
-                ahead = [solved[-1], *(k for k in known if rows[k]["predicted"])]
-                style |= {"markerfacecolor": "white", "markevery": slice(1, None), "linewidth": 0.6}
-                axes.plot([cost[k] for k in ahead], [rows[k][quantity] for k in ahead], **style)
-            axes.set(xscale="log", yscale="log", xlabel=name)
-            decade = max(cost) < 20 * min(cost)  # or a little more: 2 and 5 have numbers too
-            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if decade else (1,), numticks=8))
-            axes.xaxis.set_major_formatter("{x:g}")
-            axes.xaxis.set_minor_formatter(NullFormatter())
-            axes.grid(visible=True, which="major", color=RULE, linewidth=0.4)
-        panels[0].set_ylabel("estimated relative error")
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-        finish(figure, path_stem, title, suffixes)
+    figure = Figure(figsize=(5.4, 3.2), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, (name, cost) in zip(panels, costs.items(), strict=True):
+        for quantity, (label, colour, marker, line) in _ERRORS.items():
+            known = [k for k, row in enumerate(rows) if row[quantity] and row[quantity] > ZERO_IN_SOLUTION]
+            solved = [k for k in known if not rows[k]["predicted"]]
+            if not solved:
+                continue
+            style = {"color": colour, "linestyle": line, "marker": marker, "markersize": 4.5}
+            axes.plot([cost[k] for k in solved], [rows[k][quantity] for k in solved], label=label, **style)
+            ahead = [solved[-1], *(k for k in known if rows[k]["predicted"])]
+            style |= {"markerfacecolor": "white", "markevery": slice(1, None), "linewidth": 0.6}
+            axes.plot([cost[k] for k in ahead], [rows[k][quantity] for k in ahead], **style)
+        axes.set(xscale="log", yscale="log", xlabel=name)
+        decade = max(cost) < 20 * min(cost)  # or a little more: 2 and 5 have numbers too
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if decade else (1,), numticks=8))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.grid(visible=True, which="major", color=RULE, linewidth=0.4)
+    panels[0].set_ylabel("estimated relative error")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure

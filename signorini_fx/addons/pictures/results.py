@@ -20,7 +20,10 @@ from signorini_fx.mechanics.statement.units import labelled
 from signorini_fx.results.solution import Solution
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from signorini_fx.addons.pictures.foundation import FoundationSurface
+    from signorini_fx.addons.pictures.marks import Largest
     from signorini_fx.addons.pictures.setup import Setup
 
 Array = npt.NDArray[np.float64]
@@ -134,41 +137,44 @@ class ResultPictures:
                 body = self.body if contact is None else replace(self.body, parted=_parted(contact))
                 draw = self._in_2d(body, contact) if self.dimension == 2 else self._in_3d(body, contact, facets)
                 for name in self.fields:
-                    draw(folder / self._stem(name), name=name, **self._options(name, body, largest))
+                    figure, remark = draw(name=name, largest=self._marked(name, body, largest))
+                    self._write(folder / self._stem(name), figure, remark)
 
     def _draw_curves(
         self, folder: Path, contact: Table | None, facets: npt.NDArray[np.int64] | None, steps: Table | None
     ) -> None:
         # matplotlib takes a while to import
         from signorini_fx.addons.pictures.load_steps import errors_and_costs, load_steps
-        from signorini_fx.addons.pictures.style import plain
+        from signorini_fx.addons.pictures.style import finish
 
-        usual: dict[str, Any] = {"title": plain(self.title), "suffixes": self.suffixes}
         if self.prices:
-            errors_and_costs(folder / "convergence_table", self.prices, **usual)
+            self._write(folder / "convergence_table", errors_and_costs(self.prices))
         if contact is None:
             return
         if steps is not None:
-            load_steps(folder / "load_steps", steps, around=self.mirrored, suffixes=self.suffixes)
+            finish(load_steps(steps, around=self.mirrored), folder / "load_steps", "", self.suffixes)
         if self.dimension == 2:
             from signorini_fx.addons.pictures.boundary_profiles import boundary_profiles
 
-            boundary_profiles(folder / "profiles", contact, **usual)
+            self._write(folder / "profiles", boundary_profiles(contact))
         elif facets is not None:
             from signorini_fx.addons.pictures.contact_surface import contact_surface
 
-            contact_surface(folder / "contact_surface", contact, facets, **usual)
+            self._write(folder / "contact_surface", contact_surface(contact, facets))
 
-    def _options(self, name: str, body: DrawnBody, largest: tuple[Sequence[float], str] | None) -> dict[str, Any]:
-        """Of the picture of a field; of the von Mises stress what all figures say is marked."""
+    def _write(self, path_stem: Path, figure: Figure, remark: str = "") -> None:
+        from signorini_fx.addons.pictures.style import finish, plain
+
+        title = plain(self.title)
+        finish(figure, path_stem, f"{title}   ({remark})" if title and remark else title or remark, self.suffixes)
+
+    def _marked(self, name: str, body: DrawnBody, largest: tuple[Sequence[float], str] | None) -> Largest | None:
+        """The value that is marked in a field; of the von Mises stress that of all figures."""
         from signorini_fx.addons.pictures.marks import Largest
-        from signorini_fx.addons.pictures.style import plain
 
         if name != "von_mises":
-            marked = Largest.of(body, name)
-        else:
-            marked = None if largest is None else Largest(np.array(largest[0])[: self.dimension], largest[1])
-        return {"largest": marked, "title": plain(self.title), "suffixes": self.suffixes}
+            return Largest.of(body, name)
+        return None if largest is None else Largest(np.array(largest[0])[: self.dimension], largest[1])
 
     def _stem(self, name: str) -> str:
         return "deformed" if name == self.fields[0] else f"field_{name}"

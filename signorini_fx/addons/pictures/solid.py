@@ -9,7 +9,6 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -23,7 +22,7 @@ from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import FoundationSurface
 from signorini_fx.addons.pictures.marks import Largest, Tones, draw_lengths, mark_largest
-from signorini_fx.addons.pictures.style import INK, MUTED, SCREEN, STYLE, VALUES, Floats, finish, math_number
+from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats, math_number
 from signorini_fx.addons.pictures.view import Camera, View, normals_of
 from signorini_fx.errors import PYVISTA, PictureError
 from signorini_fx.tuned import (
@@ -60,17 +59,14 @@ class Solid:
 
 @mpl.rc_context(STYLE)
 def deformed_solid(
-    path_stem: str | Path,
     body: DrawnBody,
     name: str,
     *,
     seen: View,
     foundations: Sequence[FoundationSurface] = (),
     largest: Largest | None = None,
-    title: str = "",
-    suffixes: Sequence[str] = SCREEN,
-) -> None:
-    """Draw the outer surface of a deformed body in 3D on its foundation.
+) -> tuple[Figure, str]:
+    """Draw the outer surface of a deformed body in 3D on its foundation; and say what is magnified.
 
     If a singular edge would leave the rest without colour, the scale ends at the value that is not exceeded on 99 % of
     the visible area.  Dark lines on the body are its sharp edges, gray ones those of the undeformed body; the edges of
@@ -108,8 +104,7 @@ def deformed_solid(
         mark_largest(axes, camera.flat(largest.moved(body, name, factor)), largest.text, behind=behind)
     tones.bar(figure, axes)
     figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
-    remark = f"displacement{' and gap' if foundations and factor != 1 else ''} $\\times\\,{math_number(factor)}$"
-    finish(figure, path_stem, f"{title}   ({remark})" if title else remark, suffixes)
+    return figure, f"displacement{' and gap' if foundations and factor != 1 else ''} $\\times\\,{math_number(factor)}$"
 
 
 def telling_view(body: DrawnBody, name: str) -> View:

@@ -126,6 +126,7 @@ def _entitle(figure: Figure, title: str) -> None:
     text.set_text("\n".join([*lines, *(f"({part}" for part in remark)]))
 
 
+@mpl.rc_context(STYLE)
 def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence[str] = SCREEN) -> None:
     """Title the figure and write it; without dates, so that the same data give the same files.  ``path_stem``: where to
     write, without suffix; ``suffixes``: of the files to write.
