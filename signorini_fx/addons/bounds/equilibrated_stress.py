@@ -26,12 +26,10 @@ class EquilibratedStress:
 
     Attributes:
         stress: on each part of each cell at its corners, see ``LocalStress.stress``.
-        tractions: at the vertices of each facet out of its first cell, stress, shape (f, d, d).
         missing: a bound of the work of what is not in equilibrium by round-off, per unit of the energy norm.
     """
 
     stress: Array
-    tractions: Array
     missing: float
 
 
@@ -55,7 +53,7 @@ def equilibrated(t: Simplices, held: Array, body: Array, traction: Array, prescr
     stopped = held[t.outer]
     tractions[t.outer] = traction[t.outer] @ (np.eye(d) - stopped) + tractions[t.outer] @ stopped
     stress, missed = local.stress(t.sign[:, :, None, None] * tractions.reshape(-1, d)[local.places], body)
-    return EquilibratedStress(stress, tractions, _round_off(t, local, held, body, tractions, missed))
+    return EquilibratedStress(stress, _round_off(t, local, held, body, tractions, missed))
 
 
 def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads: Array, prescribed: Array) -> Array:

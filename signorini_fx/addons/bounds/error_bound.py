@@ -24,9 +24,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 from dolfinx import fem
-from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
 from signorini_fx.addons.bounds.bounded_scene import refuse_unknown
@@ -38,7 +36,7 @@ from signorini_fx.addons.bounds.liftings import Liftings, finest, lifted_forces
 from signorini_fx.addons.bounds.linear_displacement import free_motions, of_each_piece
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.scene_arrays import Rows, of_rank, on_first_rank
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, with_hats
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, pieces_of_cells, with_hats
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -287,6 +285,4 @@ class Bounded(PlainProblem):
             if surface.paired:
                 sides = [t.piece[t.sides[surface.parts.facet(side), 0]] for side in (SLAVE, MASTER)]
                 links = np.concatenate((links, np.stack(sides, axis=1)))
-        count = int(t.piece.max()) + 1
-        graph = sp.csr_matrix((np.ones(len(links)), tuple(links.T)), shape=(count, count))
-        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+        return pieces_of_cells(links, int(t.piece.max()) + 1)

@@ -179,11 +179,9 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
         if not rows.size or axis not in deck.axes:
             continue
         where = deck.boundary(group.name) if len(rows) == len(group.nodes) else None
-        if where is None or component in deck.given_singly or not deck.kinematics.uniform:
-            _push_singly(deck, block, group, axis, factor)
-            continue
-        uniform = _uniform(deck, where, rows, values)
-        if uniform is None:
+        singly = component in deck.given_singly or not deck.kinematics.uniform
+        uniform = None if where is None or singly else _uniform(deck, where, rows, values)
+        if where is None or uniform is None:
             _push_singly(deck, block, group, axis, factor)
         else:
             _set_load(deck, DeckLoad("traction", where, (axis,), block), factor * uniform / deck.thickness)
