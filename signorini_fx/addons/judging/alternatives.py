@@ -41,7 +41,8 @@ def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tu
     """
     size = float(np.abs(on_mesh.displacement).max())
     tried = (_values(on_mesh, v, one, enough) for one in _alternatives(on_mesh.problem.scene, size))
-    return min(chain.from_iterable(tried), key=lambda nearest: nearest[1], default=None)
+    found = list(chain.from_iterable(tried))
+    return min(found, key=lambda nearest: nearest[1]) if found else None
 
 
 def _values(on_mesh: SolutionOnMesh, v: Floats, tried: Alternative, enough: float) -> Iterator[tuple[str, float]]:

@@ -184,7 +184,8 @@ def read_dat(file: Path) -> ForeignResult:
 
 def read_frd(file: Path) -> ForeignResult:
     """The displacements of the last increment of a .frd file of CalculiX."""
-    displacements, positions = _Rows(), _Rows()
+    displacements: _Rows = {}
+    positions: _Rows = {}
     rows: _Rows | None = None
     last: float | None = None
     program = "a program that writes .frd"

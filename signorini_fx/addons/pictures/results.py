@@ -179,7 +179,7 @@ class ResultPictures:
     def _stem(self, name: str) -> str:
         return "deformed" if name == self.fields[0] else f"field_{name}"
 
-    def _in_2d(self, body: DrawnBody, contact: Table | None) -> Callable[..., None]:
+    def _in_2d(self, body: DrawnBody, contact: Table | None) -> Callable[..., tuple[Figure, str]]:
         """What draws a field of the body in 2D on its foundation."""
         from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
 
@@ -201,7 +201,7 @@ class ResultPictures:
 
     def _in_3d(
         self, body: DrawnBody, contact: Table | None, facets: npt.NDArray[np.int64] | None
-    ) -> Callable[..., None]:
+    ) -> Callable[..., tuple[Figure, str]]:
         """The same of a body in 3D."""
         from signorini_fx.addons.pictures.solid import deformed_solid, telling_view
 
