@@ -119,9 +119,7 @@ def add_on(name: str) -> Any:
 
 @cache
 def _installed(group: str, _path: tuple[str, ...]) -> dict[str, Any]:
-    """To look through all packages on the path of Python takes milliseconds, once; those of this package also where it
-    is not installed.
-    """
+    """Those on the path of Python, which takes milliseconds, once; ours also where it is not installed."""
     stated = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8")) if _CHECKOUT.is_file() else {}
     own: dict[str, str] = stated.get("project", {}).get("entry-points", {}).get(group, {})
     entries = [*(EntryPoint(name, value, group) for name, value in own.items()), *entry_points(group=group)]

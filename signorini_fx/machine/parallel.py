@@ -65,10 +65,8 @@ def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:
 def sums_by(
     comm: MPI.Comm, numbers: npt.NDArray[np.int64], values: npt.NDArray[np.float64], count: int
 ) -> npt.NDArray[np.float64]:
-    """Sums over the ranks of values, shape (n, d), with the same number from 0 to count - 1; numbers: shape (n,).
-
-    Returns:
-        The sums, shape (count, d), the same on every rank.
+    """Sums over the ranks of values, shape (n, d), with the same number from 0 to count - 1, numbers: shape (n,); they
+    have the shape (count, d), the same on every rank.
     """
     total = np.zeros((count, values.shape[1]))  # a float on a rank without values too, where bincount gives integers
     for column in range(values.shape[1]):
@@ -178,11 +176,8 @@ def gather_rows(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def rows_on_root(comm: MPI.Comm, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Rows of all ranks stacked in rank order, on the first rank: for what is of the size of the mesh; ``rows``: as for
-    ``gather_rows``.
-
-    Returns:
-        All rows on the first rank, none on the others.
+    """Rows of all ranks, see ``gather_rows``, stacked in rank order on the first rank, none on the others: for what is
+    of the size of the mesh.
     """
     if comm.size == 1:
         return np.array(rows, order="C")

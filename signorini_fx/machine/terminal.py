@@ -94,14 +94,11 @@ def output_lost() -> bool:
 
 
 def _give_up(stream: TextIO, reason: OSError) -> None:
-    """Go on silently if the reader has ended (``| head``) or nothing can be written, in order not to lose results.
-
-    What is still in the buffer would be written again at the end, so the descriptor is redirected to nowhere.
-    """
+    """Go on silently if the reader has ended (``| head``) or nothing can be written, in order not to lose results."""
     global _lost
     with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
+        os.dup2(nowhere, stream.fileno())  # what is still in the buffer would be written again at the end
         os.close(nowhere)
     if stream is sys.stdout and not isinstance(reason, BrokenPipeError):
         _lost = True

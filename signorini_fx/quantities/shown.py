@@ -237,12 +237,8 @@ def marked_stress(summary: dict[str, Any]) -> tuple[list[float], str] | None:
 
 
 def share_in_words(summary: dict[str, Any], of: str = "") -> str:
-    """How much of the yield stress is used, with the digits that the stress has: a share of it, such as 41 %, far above
-    it how many times, and above it at a place where the stress has no limit no figure, which each mesh would change.
-
-    Args:
-        summary: with the share.
-        of: the yield stress by its name; "": who reads it knows what is meant.
+    """How much of the yield stress, named ``of``, is used, with the digits that the stress has: a share such as 41 %,
+    far above it how many times, and above it where the stress has no limit no figure, which each mesh would change.
     """
     largest, apart = summary["utilisation"], between(summary["stress"])
     share = largest["value"]
@@ -325,9 +321,7 @@ def error_of(summary: Mapping[str, Any], key: str) -> float | None:
 
 
 def _error_of_force(summary: Mapping[str, Any], key: str, error: float | None) -> float | None:
-    """It is relative to the forces of all boundaries, and so large where these nearly cancel, or where friction, which
-    is as uncertain as the contact force is, nearly vanishes.
-    """
+    """It is relative to all forces, so large where these nearly cancel, or where friction nearly vanishes."""
     if error is None:
         return None
     contact, friction = (math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force"))

@@ -486,11 +486,7 @@ def own_quantities() -> tuple[Quantity, ...]:
 
 @cache
 def _usable(name: str, extension: Any) -> Quantity:
-    """A quantity from an object, or from a class that needs no arguments.
-
-    Raises:
-        InstallationError: it is none, or its key is taken.
-    """
+    """A quantity from an object, or from a class that needs no arguments, with a key that is not taken."""
     quantity = extension() if isinstance(extension, type) else extension
     if not isinstance(quantity, Quantity) or not isinstance(getattr(quantity, "title", None), str):
         raise InstallationError(f"the quantity {name!r} is no signorini_fx.Quantity with a key and a title")

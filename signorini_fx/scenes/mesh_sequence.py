@@ -127,9 +127,7 @@ class MeshedScene(MeshedProblem):
 
 
 def _errors_of_nonlinear(solution: Solution) -> list[Errors]:
-    """Those after the last load step, without those of contact where cells lock: estimates of them were up to 30 times
-    too small.
-    """
+    """Those after the last load step, of contact none where cells lock: estimates were up to 30 times too small."""
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
     if not solution.converged or isinstance(shares := solution.error_shares, str):
@@ -164,10 +162,7 @@ def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) ->
 
 
 def _coarsest_factor(scene: Scene) -> float:
-    """How many times larger the first cells are; the coarse nodes must be nodes of the scene's own mesh.
-
-    A mesh needs a node where a load jumps, and the scene's own mesh has one.
-    """
+    """How many times larger the first cells are; coarse nodes are nodes of the scene's mesh, as where a load jumps."""
     factor = float(COARSER_START[scene.element.degree]) if scene.statement.generated else 1.0
     while factor > 1 and scene_on(scene_on(scene, factor), 1 / factor) != scene_on(scene, 1.0):
         factor /= 2

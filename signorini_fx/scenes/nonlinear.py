@@ -291,9 +291,7 @@ def _at_its_time(friction: Any) -> Any:
 
 
 def _drives_at(statement: Statement, dimension: int, path_step: float) -> dict[int, Any]:
-    """The shapes that forces move with what drives them at a place in the lists of factors, as numbers, by the numbers
-    of their contacts.
-    """
+    """Shapes that forces move, by number of contact, with what drives them at a place as numbers."""
     shapes = dict[int, Any]()
     drives = statement.drives(dimension, path_step)
     for body, (load, motion) in zip(statement.rigid_bodies, drives, strict=True):

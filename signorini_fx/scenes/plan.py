@@ -76,10 +76,7 @@ def _planned_cells(scene: Scene, tagged: TaggedMesh, goal: Accuracy, *, polygona
 
 
 def _remade(scene: Scene, comm: MPI.Comm) -> Plan | None:
-    """The plan for cells that gmsh makes anew where the error is; None if they are better divided.
-
-    They are where one body has straight sides: then no cell changes but those that are divided.
-    """
+    """The plan for cells that gmsh makes anew; None: of one straight body divided ones change less."""
     if not scene.statement.remade:
         return None
     meshes: list[tuple[str, Any]] = [(f" of body {body.name!r}", body.mesh) for body in scene.body]

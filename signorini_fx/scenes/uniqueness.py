@@ -128,9 +128,7 @@ def proved_multiple(stiffness: Nodal, operator: Nodal, law: PointFriction) -> tu
 
 
 def _critical(stiffness: Nodal, normal: int, beside: npt.NDArray[np.int64], sizes: Nodal) -> tuple[float, str]:
-    """The same of so many normal components followed by tangential ones, with for each of these the place of its normal
-    one and its coefficient.
-    """
+    """The same of normal components, then tangential ones, with the place of the normal one of each."""
     # In units of the stiffness, so that nodal compliance is of order one.
     stiffness = np.asarray(stiffness / np.abs(stiffness).max(), dtype=np.float64)
     values, vectors = np.linalg.eigh(stiffness)

@@ -79,12 +79,8 @@ class AdmissibleTractions:
 
 
 def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) -> list[tuple[Array, Array]]:
-    """Pressures and shears of each contact.
-
-    Args:
-        loads: their work on the free motions, force, shape (n,).
-        contacts: what acts there.
-        small: what may be left of each, force, shape (n,).
+    """Pressures and shears of each contact that balance loads, given by their work on the free motions, force, shape
+    (n,), but for at most ``small`` of each.
 
     Raises:
         Refused: nothing was found.

@@ -54,9 +54,7 @@ def _is_polynomial(value: Any, degree: int) -> bool:
 
 
 def _is_linear_between(*values: Any) -> bool:
-    """Whether a product is linear between known places where it jumps or has a kink, which may be at nodes: there its
-    switches, which do not jump themselves, are zero.
-    """
+    """Whether a product is linear between known places, maybe at nodes: zeros of linear switches, which do not jump."""
     if not all(isinstance(value, float | Expression) for value in values):
         return False
     trees = [value.tree for value in values if isinstance(value, Expression)]
@@ -65,14 +63,11 @@ def _is_linear_between(*values: Any) -> bool:
 
 
 def switches(value: Expression, x: Array) -> Array:
-    """What changes its sign where a function may jump or have a kink, those inside others first, shape (k, n).
+    """What changes its sign at points x, shape (3, n), where a function may jump or have a kink, those inside others
+    first, shape (k, n).
 
     Comparisons give the difference of both sides; ``abs``, ``sign``, ``sqrt`` and powers their argument, ``min`` and
     ``max`` the differences of theirs.
-
-    Args:
-        value: the function.
-        x: points, shape (3, n).
     """
     return np.array([value.of_part(node, x) for node in _switches(value.tree)]).reshape(-1, x.shape[1])
 

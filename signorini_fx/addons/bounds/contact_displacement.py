@@ -24,12 +24,8 @@ _MOVABLE = 0.25
 
 
 def admissible(problem: PlainProblem, tiny: float, *, closed: bool) -> tuple[Array, Array]:
-    """The displacement at vertices and middles of edges, length, shapes (v, d) and (e, d).
-
-    Args:
-        problem: with the computed displacement.
-        tiny: a length of the size of round-off, up to which it may enter.
-        closed: whether it is moved to the other side under pressure.
+    """The displacement at vertices and middles of edges, length, shapes (v, d) and (e, d); ``tiny``: how far it may
+    enter, as round-off does; ``closed``: whether it is moved to the other side under pressure.
 
     Raises:
         Refused: supports leave no way out.
@@ -97,9 +93,7 @@ def _step(surface: FacetsInContact, side: int, share: float) -> float:
 
 
 def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
-    """Displacements of vertices or edges that are along the normals of the m parts around at least as large as depths,
-    shape (m, k); those of negative depths are no larger than that.
-    """
+    """Displacements of vertices or edges along the normals of the parts around, by depths of shape (m, k) at least."""
     sums, deepest = np.zeros(free.shape[:2]), np.full(len(free), -np.inf)
     for column, depths in zip(places.T, depth.T, strict=True):
         np.add.at(sums, column, normal)

@@ -50,12 +50,8 @@ class ContactParts:
 
     @classmethod
     def between(cls, t: Simplices, slave: Ints, master: Ints) -> ContactParts:
-        """Of two sides, those of flat parallel ones along their normal; of others facets at the same places.
-
-        Args:
-            t: the cells.
-            slave: facets of the side with the contact points.
-            master: of the other one.
+        """Of two sides, that with the contact points first: those of flat parallel ones along their normal; of others
+        facets at the same places.
         """
         along = t.normal[slave[0]]
         tiny = SAME_LENGTH * float(np.ptp(t.x, axis=0).max())
@@ -140,14 +136,10 @@ class ContactParts:
         return coefficients(values)
 
     def projected(self, traction: Array, side: int, area: Array) -> tuple[Array, Array]:
-        """The linear functions on the facets of a side that are closest to one that is linear on the parts and zero
-        elsewhere, at the vertices, shape (f, d, d); and the integrals of the squares of the difference as shares of
-        those of the function, shape (f,).
-
-        Args:
-            traction: at the vertices of the parts, stress, shape (m, d, d).
-            side: of the facets.
-            area: of all facets, shape (n,).
+        """The linear functions on the facets of a side that are closest to a traction that is linear on the parts, at
+        their vertices, stress, shape (m, d, d), and zero elsewhere: at the vertices of the facets, shape (f, d, d); and
+        the integrals of the squares of the difference as shares of those of the function, shape (f,); ``area``: of all
+        facets.
         """
         areas = area[self.facets[side]]
         closest = closest_linear(self.moments(with_hats(traction, self.area), side) / areas[:, None, None])
@@ -193,9 +185,7 @@ class ContactParts:
 
 
 def _shared(first: Array, second: Array) -> tuple[Array, Ints]:
-    """What segments or triangles share in pairs, as such, shapes (p, d, d - 1) to (m, d, d - 1), and the number of the
-    pair that each one is of, shape (m,).
-    """
+    """What segments or triangles share in pairs, (p, d, d - 1) to (m, d, d - 1), and the pair of each, shape (m,)."""
     if first.shape[1] == 2:
         lowest = np.maximum(first.min(axis=1), second.min(axis=1))
         highest = np.minimum(first.max(axis=1), second.max(axis=1))

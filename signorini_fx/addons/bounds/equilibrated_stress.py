@@ -57,9 +57,7 @@ def equilibrated(t: Simplices, held: Array, body: Array, traction: Array, prescr
 
 
 def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads: Array, prescribed: Array) -> Array:
-    """Moments of each cell, out of it, which are equal and opposite but for loads, force, shape (n, d + 1, d, d);
-    ``loads``: moments of the tractions on each facet, force, shape (f, d, d).
-    """
+    """Moments of each cell, out of it, equal and opposite but for loads on facets, force, shape (n, d + 1, d, d)."""
     d, size = t.dimension, t.facets.size * t.dimension
     compliance = np.tile(local.compliance, (t.parts, 1, 1))
     places = (d * local.places[..., None] + np.arange(d)).reshape(len(t.corners), -1)
@@ -77,9 +75,7 @@ def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads:
 
 
 def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:
-    """The upper half with as many tied unknowns as there are free motions, shape (unknowns, k); loads in balance cause
-    no force there.
-    """
+    """The upper half with as many tied unknowns as free motions, where balanced loads cause no force."""
     diagonal, pins = matrix.diagonal(), np.zeros(matrix.shape[0])
     for _ in range(modes.shape[1]):
         pin = int(np.argmax(np.linalg.norm(modes, axis=1)))
@@ -114,9 +110,8 @@ def _round_off(
 
 
 def _carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Array, Array]:
-    """Bounds of the force that each cell passes on of what cells miss by round-off, carried from cell to cell to the
-    supports, and of its couple about the centre of the cell, shapes (n,); ``held``: cells with a facet that is held; in
-    a piece without one a cell of it takes the rest.
+    """Bounds of the force that each cell passes on to the supports, of what cells miss by round-off, and of its couple
+    about its centre, shapes (n,); ``held``: cells at supports; in a piece without one a cell of it takes the rest.
     """
     count, piece = len(centre), pieces_of_cells(sides, len(centre))
     loose = np.setdiff1d(np.arange(piece.max(initial=-1) + 1), piece[held])

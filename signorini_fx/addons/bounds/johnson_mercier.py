@@ -100,34 +100,25 @@ class LocalStress:
         return np.asarray(root @ self._turn[chunk])
 
     def _weighted(self, root: Array, stress: Array) -> Array:
-        """Vectors whose squares are the energy of stresses that are linear on the parts, shape (n, rows, k), from those
-        of the reference cells at the corners of the parts, shape (n, (d + 1)^2, 3 or 6, k).
-        """
+        """Vectors whose squares are the energy, (n, rows, k), of stresses of reference cells at corners of parts."""
         count, (n, _, _, k) = self._t.dimension + 1, stress.shape
         at = (root[:, None] @ stress).reshape(n, count, count, -1, k)
         # The root of the mass matrix 1 + ones.
         return np.asarray(at + (np.sqrt(1 + count) - 1) / count * at.sum(axis=2, keepdims=True)).reshape(n, -1, k)
 
     def alone(self, body: Array) -> Array:
-        """Moments in balance with a body force where the vertices of the facets do not move, force, shape (n, k).
-
-        Args:
-            body: integrals of the force per volume times the barycentric coordinates, force, shape (n, d + 1, d).
+        """Moments in balance with a body force where the vertices of the facets do not move, force, shape (n, k);
+        ``body``: its integrals times the barycentric coordinates, force, shape (n, d + 1, d).
         """
         # The triangle between three similar ones is turned by half a turn, which changes no sign here.
         moments = self._alone @ body.reshape(self._t.parts, len(self._alone), -1, 1)
         return np.asarray(moments.reshape(len(body), -1))
 
     def stress(self, tractions: Array, body: Array) -> tuple[Array, Array]:
-        """The stress, and the share of its data that it misses, by cell.
-
-        Args:
-            tractions: at the vertices of the facets of each cell, out of it, stress, shape (n, d + 1, d, d).
-            body: see ``alone``.
-
-        Returns:
-            On each part, opposite its corner, at the corners of the part: those of the facet, and the centroid; shape
-            (n, d + 1, d + 1, 3 or 6); and shape (n,).
+        """The stress on each part, opposite its corner, at the corners of the part, those of the facet, and the
+        centroid, shape (n, d + 1, d + 1, 3 or 6), and the share of its data that it misses, by cell, shape (n,);
+        ``tractions``: at the vertices of the facets of each cell, out of it, stress, shape (n, d + 1, d, d); ``body``:
+        see ``alone``.
         """
         t, d, n = self._t, self._t.dimension, len(tractions)
         operator, conditions = reference(d)

@@ -138,13 +138,7 @@ class Liftings:
 
     @classmethod
     def of(cls, corners: Array, moduli: Moduli, m: int) -> Liftings:
-        """Of cells.
-
-        Args:
-            corners: length, that opposite the facet last, shape (n, d + 1, d).
-            moduli: of them.
-            m: parts along each edge.
-        """
+        """Of cells with corners, that opposite the facet last, shape (n, d + 1, d), and m parts along each edge."""
         n, d = len(corners), corners.shape[2]
         facet, kinds = divided_facet(d, m), d - 1
         turned = corners.copy()
@@ -167,12 +161,9 @@ class Liftings:
         return cls(facet, form.reshape(n, kinds, size, size), constant)
 
     def norms(self, values: Array, missed: Array) -> Array:
-        """Bounds of the norms of liftings, shape (n,).
-
-        Args:
-            values: the projections of the tractions after some divisions, at the vertices of the ``finest`` parts,
-                shape (n, p ..., d, d).
-            missed: integrals of the squares of what they are not, shape (n,).
+        """Bounds of the norms of liftings, shape (n,); ``values``: the projections of the tractions after some
+        divisions, at the vertices of the ``finest`` parts, shape (n, p ..., d, d); ``missed``: integrals of the squares
+        of what they are not, shape (n,).
         """
         facet, n, m, d = self.facet, len(self.constant), self.facet.times, values.shape[3]
         count = len(facet.parts)
@@ -321,11 +312,8 @@ def _products(d: int) -> Array:
 
 
 def lifted_forces(t: Simplices, linear: Array) -> Array:
-    """Bounds of the norms of what lifts the rest of linear forces, by cell, roots of energies, shape (n,).
-
-    Args:
-        t: the cells.
-        linear: the force at their corners, force per volume, shape (n, d + 1, d).
+    """Bounds of the norms of what lifts the rest of forces that are linear in cells, by cell, roots of energies, shape
+    (n,); ``linear``: force per volume at their corners, shape (n, d + 1, d).
     """
     d = t.dimension
     slopes = np.linalg.solve(t.jacobian, (linear[:, 1:] - linear[:, :1]).transpose(0, 2, 1)).reshape(-1, d * d)

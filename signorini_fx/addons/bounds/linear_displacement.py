@@ -57,13 +57,7 @@ class PrescribedComponents:
 
     @staticmethod
     def of_facets(facets: Ints, projectors: Array, value: Array) -> PrescribedComponents:
-        """Those of a vector in directions that facets hold.
-
-        Args:
-            facets: vertices of edges or faces, shape (f, d).
-            projectors: onto these directions, shape (f, d, d).
-            value: of the displacement, length, shape (d,).
-        """
+        """Those of a vector, length, in directions that facets, shape (f, d), hold by projectors, shape (f, d, d)."""
         held, d = np.flatnonzero(projectors.any(axis=(1, 2))), facets.shape[1]
         sizes, vectors = np.linalg.eigh(projectors[held])
         rows, columns = np.nonzero(sizes > 0.5)
@@ -72,10 +66,8 @@ class PrescribedComponents:
 
 
 def smallest_energy(t: Simplices, constraints: PrescribedComponents) -> tuple[Array, float]:
-    """The displacement of least energy with given components, which leave no rigid motion free.
-
-    Returns:
-        The displacement at the vertices, length, shape (v, d), and how far it is from what is given at most, length.
+    """The displacement at the vertices of least energy with given components, which leave no rigid motion free, length,
+    shape (v, d), and how far it is from what is given at most, length.
     """
     count, d = t.x.shape
     weight, value = np.zeros((count, d, d)), np.zeros((count, d))
@@ -96,11 +88,8 @@ def smallest_energy(t: Simplices, constraints: PrescribedComponents) -> tuple[Ar
 
 
 def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
-    """Displacements of v vertices from their free components, shape (d v, components).
-
-    Args:
-        turn: directions of components, one per column, shape (v, d, d).
-        fixed: which are not free, shape (v, d).
+    """Displacements of v vertices from their free components, shape (d v, components); ``turn``: directions of
+    components, one per column, shape (v, d, d); ``fixed``: which are not free, shape (v, d).
     """
     count, d = fixed.shape
     numbers = (d * np.arange(count)[:, None, None] + np.arange(d)[:, None]).repeat(d, axis=2)
@@ -123,21 +112,14 @@ def _stiffness(t: Simplices) -> sp.csr_matrix:
 
 
 def rigid_motions(x: Array) -> Array:
-    """Translations and rotations about the centre, of size one, shape (v, d, 3 or 6).
-
-    Args:
-        x: positions, length, shape (v, d).
-    """
+    """Translations and rotations of positions about their centre, of size one, shape (v, d) to (v, d, 3 or 6)."""
     arm = x - x.mean(axis=0)
     return motions_of(arm / np.abs(arm).max())
 
 
 def free_motions(t: Simplices, held: Array) -> Array:
-    """An orthonormal basis of the rigid motions that held facets leave free, each of one piece, shape (d v, k).
-
-    Args:
-        t: the cells.
-        held: projector onto the directions in which each facet is held, shape (f, d, d).
+    """An orthonormal basis of the rigid motions of one piece each that held facets leave free, shape (d v, k);
+    ``held``: projectors onto the directions in which facets are held, shape (f, d, d).
     """
     d, held_facets = t.x.shape[1], np.flatnonzero(held.any(axis=(1, 2)))
     of_facet, bases = t.piece_of_vertex[t.facets[held_facets, 0]], []
@@ -154,22 +136,14 @@ def free_motions(t: Simplices, held: Array) -> Array:
 
 
 def of_each_piece(t: Simplices, motions: Array) -> list[tuple[int, Ints]]:
-    """The pieces that have free motions, each with the columns of these.
-
-    Args:
-        t: the cells.
-        motions: of ``free_motions``, shape (d v, k).
-    """
+    """The pieces that have free motions, each with the columns that these have in ``free_motions``."""
     piece = t.piece_of_vertex[np.abs(motions).argmax(axis=0) // t.x.shape[1]]
     return [(int(number), np.flatnonzero(piece == number)) for number in np.unique(piece)]
 
 
 def solved(upper: sp.csr_matrix, right: Array) -> Array:
-    """The solution by the fastest factorisation that this PETSc has, shape (n,).
-
-    Args:
-        upper: the upper half of the matrix, its diagonal included, indices sorted.
-        right: the right-hand side, shape (n,).
+    """The solution by the fastest factorisation that this PETSc has, shape (n,); ``upper``: the upper half of the
+    matrix, its diagonal included, indices sorted.
 
     Raises:
         PETSc.Error: the factorisation broke down.

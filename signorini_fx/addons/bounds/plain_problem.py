@@ -69,11 +69,8 @@ class FacetsInContact:
         return np.einsum("fcd,fd->fc", displacement, self.parts.normal) - self.gap
 
     def work(self, motions: Array) -> tuple[Array, Array]:
-        """Of unit pressures and shears at the vertices of the facets, shapes (f, d, k) and (f, d, d, k).
-
-        Args:
-            motions: linear displacements at the vertices of the parts, relative to the other side, length, shape
-                (m, d, d, k).
+        """Of unit pressures and shears at the vertices of the facets, shapes (f, d, k) and (f, d, d, k); ``motions``:
+        linear displacements at the vertices of the parts, relative to the other side, length, shape (m, d, d, k).
         """
         parts = self.parts
         moments = with_hats(motions, parts.area)
@@ -157,9 +154,7 @@ class PlainProblem:
         return np.asarray(of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE])
 
     def _placed(self, vertices: Ints, *values: Array) -> tuple[Ints, list[Array]]:
-        """Facets of the undivided cells from their vertices, shape (m, d), and values in their order: at these, shape
-        (m, d, ...), or at these and the middles of edges, shape (m, 3 or 6, ...).
-        """
+        """Facets of the undivided cells from their vertices, and values at these, or at middles too, in their order."""
         t, d = self._given, self._given.dimension
         vertex_numbers = np.searchsorted(self._numbers, vertices)
         order = np.argsort(vertex_numbers, axis=1)
@@ -241,9 +236,7 @@ class PlainProblem:
         return surface
 
     def _apart(self, number: int, parts: ContactParts) -> Array:
-        """The distance of both sides along the normal that counts as a gap at the vertices of the parts and at the
-        middles of their edges, length, shape (m, 3 or 6).
-        """
+        """The gap along the normal between both sides at vertices and middles of edges of the parts, (m, 3 or 6)."""
         d, count = self.t.dimension, len(parts.area)
         if len(parts.facets) < 2 or not self._rows[f"by geometry {number}"].any():
             return np.zeros((count, d + len(EDGES_OF_FACET[d])))

@@ -40,15 +40,8 @@ def on_first_rank(
     prove: Callable[[Rows], T],
     named: str | None = None,
 ) -> T:
-    """What ``prove`` says of the arrays of all ranks, on all ranks; collective.
-
-    Args:
-        model: the model.
-        y: the displacement.
-        contact: the contact points; None: there are none.
-        step: the place of the load step in the lists of factors.
-        prove: gives what can be sent to the other ranks.
-        named: a boundary whose facets it looks at.
+    """What ``prove`` says of the arrays of all ranks, which can be sent, on all ranks; ``named``: a boundary whose
+    facets it looks at; ``step``: the place of the load step in the lists of factors; collective.
 
     Raises:
         Exception: what was raised on any rank, the same on all of them.
@@ -210,9 +203,7 @@ class _SceneRows:
         return {"body": body, "loaded": np.concatenate(vertices), "traction": np.concatenate(tractions)}
 
     def _density(self, load: Force, x: Array, normal: Array, mass: Array, area: float) -> Array:
-        """Of a load at the vertices x of m cells or facets, seen from their inside, shape (m, k, d); ``mass``: of the
-        material per volume; ``area``: of the boundary that the load acts on.
-        """
+        """Of a load at vertices x of m cells or facets, seen from inside, (m, k, d); ``area``: of the boundary."""
         for value in chain.from_iterable(factors_of(load, self._d) or ()):
             _refuse_jumps(value, x, load.label)
         each = x.shape[1]
@@ -245,9 +236,7 @@ class _SceneRows:
         }
 
     def _contact(self, number: int, effect: Contact) -> Rows:
-        """Facets with contact points, their gap at vertices and middles of edges, and the friction bound at vertices;
-        the direction to a foundation, or the facets of the other body and the area that the pair covers.
-        """
+        """Facets with contact points, gap, friction bound, and where the foundation is, or facets of the other body."""
         d, pair = self._d, self._model.pairs.get(number)
         named = self._model.tagged.facets(effect.boundary) if pair is None else pair.sides.slave.facets
         facets = _Facets.of(self._model, named)

@@ -208,11 +208,8 @@ class Simplices:
         return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
 
     def strain_at_corners(self, y: Array, middle: Array) -> Array:
-        """Strains of a displacement of degree 2 at the corners of the cells, shape (n, d + 1, 3 or 6).
-
-        Args:
-            y: at the vertices, length, shape (v, d).
-            middle: at the middles of the edges, shape (e, d).
+        """Strains of a displacement of degree 2, length, at vertices y and middles of edges, shapes (v, d) and (e, d),
+        at the corners of the cells, shape (n, d + 1, 3 or 6).
         """
         d, g = self.dimension, self.gradients
         # From the first corner on: how far a cell moves costs its strain no digits.
@@ -261,22 +258,16 @@ def motions_of(arm: Array) -> Array:
 
 
 def closest_linear(moments: Array) -> Array:
-    """The values at the corners of simplices of the linear functions with given moments, shape (n, k, ...).
-
-    Args:
-        moments: mean values of the products with the barycentric coordinates, shape (n, k, ...).
+    """The values at the corners of simplices of the linear functions with these mean values of the products with the
+    barycentric coordinates, both of shape (n, k, ...).
     """
     count = moments.shape[1]
     return np.asarray(count * (count + 1) * moments - count * moments.sum(axis=1, keepdims=True))
 
 
 def divide(t: Simplices, y: Array, middle: Array) -> tuple[Simplices, Array, Array, Ints]:
-    """Each triangle in four by the middles of its edges, with a displacement of degree 2.
-
-    Args:
-        t: the triangles.
-        y: at their vertices, length, shape (v, 2).
-        middle: at the middles of their edges, length, shape (e, 2).
+    """Each triangle in four by the middles of its edges, with a displacement of degree 2 at vertices, y, and at the
+    middles of edges, length, shapes (v, 2) and (e, 2).
 
     Returns:
         Four times as many triangles, the first ones at the first corners; the displacement at their vertices, of which

@@ -475,9 +475,7 @@ class _ChangedScene:
 
 
 def _entry_of(statement: Statement, path: str, extent: float, dimension: int) -> tuple[float, float]:
-    """The number at a path, 1 for a load as a whole and nan for an expression, and the step for a difference;
-    ``extent``: of the body, length.
-    """
+    """The number at a path, 1 for a whole load, nan for an expression, and the step for a difference."""
     if path.startswith("material") and not all(material.isotropic for material in statement.material):
         raise SceneError([(path, "is possible where all materials are isotropic")])
     if any(part in path for part in (".friction.ratio", ".friction.along", ".foundation.spring")):

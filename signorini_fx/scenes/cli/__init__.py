@@ -74,11 +74,8 @@ def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
 
 
 def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
-    """Run a command that all ranks share; every way in which it can end, in one place.
-
-    Args:
-        run: the command, of the ranks that share it; returns the exit code.
-        source: name of the scene in messages; None: the command has none.
+    """Run a command that all ranks share, which returns the exit code; every way in which it can end, in one place;
+    ``source``: name of the scene in messages; None: the command has none.
     """
     try:
         check_fenicsx()

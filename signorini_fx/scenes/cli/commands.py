@@ -22,11 +22,7 @@ if TYPE_CHECKING:
 
 
 def _start_petsc(options: Sequence[str]) -> None:
-    """Start PETSc, once; ``options``: as on a command line, without the name of the program.
-
-    Raises:
-        OptionsError: there is a file of options, or PETSc does not start with the options.
-    """
+    """Start PETSc, once, with options as on a command line, without the name of the program."""
     words = [*os.environ.get("PETSC_OPTIONS", "").split(), *options]
     if any(word.startswith("-options_file") for word in words):
         raise OptionsError("PETSc option -options_file: files of options are not read: give the options after --")
@@ -39,9 +35,7 @@ def _start_petsc(options: Sequence[str]) -> None:
 
 
 def _read_scene(options: argparse.Namespace, comm: MPI.Comm, leave_out: str = "") -> Scene:
-    """The scene on every rank, with what the command line changes but one entry; PETSc is started with the options of
-    the user.
-    """
+    """The scene on every rank, with what the command line changes but one entry; PETSc is started."""
     from signorini_fx.machine import parallel
     from signorini_fx.scenes.reading import parse_scene_text, read_scene_text
 
