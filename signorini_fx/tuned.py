@@ -21,8 +21,7 @@ AUTOMATIC_GAMMA = 1e5
 LARGEST_GAMMA = 1e9
 # Path-following begins at this times E / size, where the penetration is a hundredth of the displacements.  Choice.
 START_GAMMA = 100.0
-# Continuation begins at this share of the last gamma, and so does the augmented Lagrangian method as a fall-back.
-# Source: Table 4 of the paper (1e4 before 1e8), and the cube of tests/solving/test_limit_loads.py.
+# Continuation, and augmentation as a fall-back, begin at this share of the last gamma.  Source: Table 4 of the paper.
 CONTINUATION_SHARE = 1e-4
 # The regularisation error of path-following, relative to the estimated discretisation error, by degree.
 # Source: docs/evidence/effectivity.csv; with degree 2 the model of the path is wrong by a factor of two.
@@ -30,8 +29,7 @@ PATH_ERROR_SHARE = {1: 1.0, 2: 1 / 3}
 
 # --- fall-backs and the augmented Lagrangian method ------------------------------------------------------------------
 
-# Linear solves of a load step with all its fall-backs at most, as those of so many problems up to their last iteration.
-# Choice.
+# Linear solves of a load step with all fall-backs at most, as of so many problems up to their last iteration.  Choice.
 PROBLEMS_PER_STEP = 40
 # A load step of a ramp takes at most this many times the linear solves of the last one with a solution before a smaller
 # increment is tried, and the last attempt this many times those.  Choice.
@@ -43,8 +41,7 @@ GAMMA_GROWTH = 10.0
 
 # --- linear algebra and nested iteration -----------------------------------------------------------------------------
 
-# Below this number of unknowns factorisations of a whole solve cost no more than to condense once.
-# Tuned on Example 1; in 3D, docs/evidence/linear_algebra_in_space.csv.
+# Below it factorisations of a solve cost no more than to condense once; docs/evidence/linear_algebra_in_space.csv.
 FEWEST_CONDENSED_UNKNOWNS = 1_500
 # Three dense matrices of this many unknowns take 0.6 GB, on each rank.
 MOST_CONDENSED_UNKNOWNS = 5_000
@@ -57,21 +54,18 @@ FEWEST_KRYLOV_UNKNOWNS, FEWEST_KRYLOV_UNKNOWNS_IF_CONDENSED = 20_000, 40_000
 # From this number of unknowns on a body with a Krylov method is assembled by blocks, and a coarsest mesh with more is
 # coarsened further by aggregation.  Choice.
 FEWEST_BLOCK_UNKNOWNS = 3_000
-# How far ahead of their use the entries of blocks are asked for, in bytes: 50 blocks of 3 x 3 in double precision.
-# From 1,100 to 7,200 the time of a product differs by a tenth.
+# How far ahead of their use entries of blocks are asked for, in bytes; from 1,100 to 7,200 times differ by a tenth.
 PREFETCHED_BYTES = 3_600
 # Above this Poisson's ratio a factorisation is taken: multigrid takes three times as many steps as for 0.4.
 LARGEST_MULTIGRID_POISSON = 0.49
-# What a Krylov solve leaves of its residual while the sets change (inexact Newton).
-# Source: docs/evidence/whole_solves_in_space.csv.
+# Left by a Krylov solve of its residual while the sets change.  Source: docs/evidence/whole_solves_in_space.csv.
 INEXACT_TOLERANCE = 0.03
 # Steps of a Krylov method at most: ten times as many as it was seen to take.  Choice.
 KRYLOV_STEPS = 1000
 # A mesh is a level of multigrid for another one whose cells are between these many times smaller.  Choice.
 FINER_LEVELS = (1.5, 3.0)
 
-# A node is in the middle between two coarse ones if the farther is at most this times farther away.  Choice: between 1,
-# the middle of a uniform mesh, and 3, a quarter.
+# A node is in the middle between two coarse ones if the farther is at most this times farther away.  Choice.
 MIDDLE_RATIO = 1.5
 
 # --- error estimates -------------------------------------------------------------------------------------------------
@@ -87,8 +81,7 @@ CORNER_ANGLE = 0.4
 # Share of the squared residual on the boundary, times h over the stiffness, that is added to the squared error.  Tuned
 # on random scenes: with 0.05 and 0.1 some estimates were 0.63 and 0.67 of the error.
 BOUNDARY_RESIDUAL_SHARE = 0.2
-# An error in the body reaches the contact pressure with its square, times about this: 6.5 to 8 on meshes that were
-# divided for the pressure alone.
+# An error in the body reaches the contact pressure with its square, times about this: on divided meshes 6.5 to 8.
 POLLUTION = 6.0
 # The same of the largest pressure.  Tuned on half disks and spheres (tests/accuracy/test_remade_meshes.py).
 POLLUTION_OF_PEAK = 2.0
@@ -104,16 +97,14 @@ CHANGES_USED = 3
 # The error that a polygon causes in each quantity, over ``LevelResult.polygon``; that of forces is the square of that
 # of the pressure.  Tuned on a round lip pressed onto a plane, with 1 to 39 nodes in contact.
 POLYGON_SHARES = {"energy": 0.04, "pressure": 0.15, "peak": 0.5}
-# The error of a force over the squared one of the displacement in the energy norm, at least, on meshes that are divided
-# here and there.  Tuned on bodies in 3D with random loads: 0.09 to 0.29.
+# The error of a force over the squared one of the displacement, at least, on divided meshes.  In 3D 0.09 to 0.29.
 FORCE_OF_ENERGY = 0.12
 # The largest pressure has no limit if it grows like h^-GROWTH_POWER or faster on this many successive meshes, and
 # hardly less (this share) on the last.  Fixed on random scenes.
 GROWING_MESHES, GROWTH_POWER, LASTING_SHARE = 2, 0.05, 0.6
 # An error that decreases by less than this from mesh to mesh is taken not to decrease at all.  Choice.
 SLOWEST_DECREASE = 0.95
-# Powers of the number of unknowns that time and memory of sparse factors grow with, by dimension.
-# Tuned on docs/evidence/prediction.csv.
+# Powers of the unknowns that time and memory of factors grow with.  Tuned on docs/evidence/prediction.csv.
 TIME_POWER = {2: 1.2, 3: 1.6}
 MEMORY_POWER = {2: 1.1, 3: 1.3}
 # At least this share of the time is taken to grow: the previous mesh may have had a cold start.  Tuned by the same.
@@ -171,20 +162,17 @@ DENSE_SPEED = 2e10
 # Seconds per unknown to set up multigrid, and of a solve, of which few are exact; see
 # docs/evidence/multigrid_levels.csv.
 KRYLOV_SECONDS = 5e-6
-# Bytes that a process holds before it has a mesh; what mesh, forms and vectors need per unknown, or a cell at least.
-# No record.
+# Bytes of a process before it has a mesh; per unknown what mesh, forms and vectors need at least.  No record.
 BASE_BYTES, BYTES_PER_DOF = 1.4e8, 1.0e3
-# Bytes more for each contact node of a body that is against another one: peaks of solves in 3D with 1,764 to 40,804
-# such nodes of degree 1 (193 to 202 kB), and 1,502 in 2D.
+# Bytes more for each contact node against another body: peaks of solves with 1,764 to 40,804 of them, 1,502 in 2D.
 PAIRED_BYTES = {2: 1.7e4, 3: 2.0e5}
 # Share of the machine's memory above which check warns, and no finer mesh is begun.  Choice.
 MEMORY_SHARE = 0.8
 
 # --- load steps -------------------------------------------------------------------------------------------------------
 
-# A load step of a ramp with at most this many linear solves is easy: a pushed block takes 2 to 4 with Tresca friction,
-# 9 to 12 with that of Coulomb, 15 and more near the limit.  Two easy ones double the increment, up to the second times
-# the one that was asked for.
+# A load step of a ramp with at most so many linear solves is easy: near the limit it takes 15 and more.  Two easy ones
+# double the increment, up to the second times the one that was asked for.
 EASY_STEP = 12
 LARGEST_INCREMENT = 2.0
 # Where a ramp ends without a solution, its last increment is no larger than this share of the load since the last
@@ -251,19 +239,16 @@ ATTAINABLE_SHARE = 1e-7
 
 # Two bodies are as stiff as each other, and their facets as large, within these ratios.  No record.
 STIFFER_BODY, COARSER_FACETS = 2.0, 1.25
-# Nodes of a finer mesh are looked for this share of a coarse cell's size outside the coarser one: curved boundaries.
-# Choice.
+# Nodes of a finer mesh are looked for this share of a cell outside the coarser one: curved boundaries.  Choice.
 OUTSIDE_COARSER_MESH = 0.25
-# Largest component across a plane of symmetry of a normal that is the mean over the facets of one half of a smooth
-# surface.  Choice.
+# Largest component across a plane of symmetry of the mean normal over one half of a smooth surface.  Choice.
 ASKEW_NORMAL = 0.2
 # Above this Poisson's ratio fully integrated elements lock visibly, and check says so.  Choice.
 LOCKING_POISSON = 0.45
 
 # --- statics, limit loads and sections with a preload ----------------------------------------------------------------
 
-# Contact forces beyond this multiple of the loads balance nothing: round-off would.  Coulomb friction above it is
-# treated as unlimited.  Choice.
+# Contact forces beyond so many times the loads balance nothing; Coulomb friction above it counts as unlimited.  Choice.
 LARGEST_BALANCING_FORCE = 1e4
 # A section that holds less than its force over this is shortened by at most this many times more.  No record.
 SHORTENED_AT_MOST = 30.0
@@ -305,8 +290,7 @@ WRONG_SLOPE = 1e-2
 
 # Seconds until a rank that may have an error later has it.  Choice.
 ERROR_PATIENCE = 30.0
-# Seconds between two changes of the line of progress, and two attempts to get a lock; as long a rank waits until the
-# first one has ended it with the same error.  Choice.
+# Seconds between two changes of progress, two attempts to get a lock, and until the first rank ends another.  Choice.
 PROGRESS_PAUSE = 0.2
 # --- meshes and points in them ---------------------------------------------------------------------------------------
 
@@ -314,17 +298,14 @@ PROGRESS_PAUSE = 0.2
 SIZE_GROWTH = 0.25
 # Of a mesh that is made anew cells are at least this share of their length on the last one.  Choice.
 SHORTEST_CHILD = 0.25
-# Half of the facets may not be longer than this times what was asked for.  Choice: the longest edges of triangles of
-# gmsh are 1.2 times as long as their mean.
+# Half of the facets may not be longer than this times what was asked for.  Choice: longest edges of gmsh are 1.2 times.
 LONGEST_FACET = 1.4
-# A point outside the convex hull of those of a table is moved towards their middle by this share of its distance, for a
-# curved boundary between the nodes of another mesh.  Choice.
+# A point outside the hull of a table is moved to its middle by this share of its distance: curved boundaries.  Choice.
 OUTSIDE_HULL = 0.02
 
 # --- contact between two bodies --------------------------------------------------------------------------------------
 
-# Share of the size of a side by which the bodies may overlap, and within which facets are partners, beyond the smallest
-# distance of both sides.  Choice.
+# Share of the size of a side by which bodies may overlap, and facets be apart beyond the smallest distance.  Choice.
 DEEPEST_OVERLAP = 0.2
 # Share of its weight that a function must keep to carry a point.  No record.
 KEPT_WEIGHT = 0.03
@@ -346,8 +327,7 @@ CERTIFICATE_TOLERANCE = 1e-6
 FEW_NODES = 8
 # Units in the last place of displacements and loads that an evaluation of their nodal forces may lose.  Choice.
 LOST_UNITS = 100.0
-# Units in the last place of the largest coordinate that distances and lengths of sides may lose.  Choice: nodal forces
-# lost one over the length of a side, distances two.
+# Units in the last place of the largest coordinate that distances and sides may lose.  Choice: they lost two.
 UNITS_OF_PLACES = 10.0
 # A boundary is closed if the sum of its normals, by their areas, is a smaller share of its area.  Choice.
 CLOSED_BOUNDARY = 0.01
@@ -397,11 +377,9 @@ ALONG_AXIS = 0.99
 
 # --- nonlinear bodies -------------------------------------------------------------------------------------------------
 
-# After an increment below the first share of the largest displacement, and the second of the one before, the next one
-# has the same tangent.  Choice.
+# After an increment below these shares of the largest displacement and of the last one the tangent stays.  Choice.
 KEPT_TANGENT = 3e-5, 0.1
-# Share of the first slope up to which an increment is accepted.  Source: a disc with J2 plasticity that fails without a
-# line search.
+# Share of the first slope up to which an increment is accepted.  Source: a disc with J2 plasticity.
 WHOLE_SLOPE = 0.5
 # Evaluations of the residual in a line search.  Choice.
 LINE_SEARCH_STEPS = 12
@@ -414,21 +392,17 @@ MOST_TURNED = -0.5
 # Below this relative difference of two stretches squared a series takes the place of powers of both.  Choice, from the
 # errors of both.
 EQUAL_STRETCHES = 0.01
-# Below this distance from one a series up to the sixth power takes the place of powers and logarithms less their
-# tangents.  Choice, from the errors of both.
+# Below this distance from one a series takes the place of powers and logarithms less tangents.  Choice, as above.
 NEAR_ONE = 1e-3
-# What holds a contact point where the inertia of the tangent is looked at, in units of the largest entry on the
-# diagonal.  Choice.
+# What holds a contact point where the inertia of a tangent is looked at, over its largest diagonal entry.  Choice.
 HOLDING_STIFFNESS = 1e4
 # A tangent is tried by differences of the residual over these strains, and is its derivative if both differ by less
 # than the last number, as a share of the norm, over one of them.  Choice: the first is far below the strain at which
 # metals yield; the second is for a cell that is so near to its yield stress that the first one leads across.
 DIFFERENCE_STRAINS, SAME_TANGENT = (1e-7, 1e-9), 1e-6
-# Forces up to so many units of the round-off of a residual are taken for no load: of bodies at rest they have up to
-# one.  Choice.
+# Forces up to so many units of the round-off of a residual are no load: of bodies at rest they have one.  Choice.
 UNITS_OF_NO_LOAD = 4.0
-# The strain, in units of round-off, over which a residual is taken to be linear, so that what its second difference
-# shows is round-off.  Choice.
+# The strain, in units of round-off, over which a second difference of a residual is round-off.  Choice.
 UNITS_OF_DIFFERENCE = 500.0
 # Share of the radius of a cell, and of that of the largest ball in a rigid shape, beyond which the shape lies inside
 # the body; it is moved by half of it at a time to see its way.  Choice: a chord between two nodes cuts a circle whose
@@ -436,8 +410,7 @@ UNITS_OF_DIFFERENCE = 500.0
 SHAPE_INSIDE = 0.5
 # Places on its way at most.  Choice: a search of all cells for each of them.
 MOST_PLACES = 400
-# Points along each axis of the grid on which the middle of the largest ball in a surface of a file is sought.  Choice:
-# an odd number, so that the middle of a ball is on it.
+# Points along each axis of the grid on which the middle of the largest ball is sought: an odd number.  Choice.
 INRADIUS_GRID = 9
 # Share of the radius of the largest ball in a rigid shape at which its middle is.  Choice.
 SHAPE_MIDDLE = 0.9
@@ -452,8 +425,7 @@ JUDGED_DIGITS = 4
 JUDGED_UNITS = 2.5
 # Numbers on the next mesh up to which it is solved for the error on the mesh of a result: half a minute in 3D.
 JUDGED_FINEST = 60_000
-# In so many increments a problem with friction is solved again, and so many values of a number are tried.  Choice:
-# CalculiX takes ten increments or fewer.
+# So many increments with friction are solved, and values of a number tried.  Choice: CalculiX takes ten at most.
 JUDGED_INCREMENTS = 8
 # Another problem explains a result if it leaves at most this share of its distance; ``NOTABLE`` if that is within the
 # error of the mesh.  Of 34 good results the best one leaves .56.
