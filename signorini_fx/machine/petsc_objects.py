@@ -8,7 +8,6 @@ has a communicator for each mesh, which is gone with the mesh; an object that st
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass
 
 import mpi4py.MPI as MPI  # first, see signorini_fx.mechanics.body
 from dolfinx import mesh as dmesh
@@ -17,20 +16,8 @@ from petsc4py import PETSc
 _SAME_COMMUNICATOR = (MPI.IDENT, MPI.CONGRUENT)
 
 
-@dataclass(frozen=True, eq=False)
-class _MeshObject:
-    """A mesh, and an object of PETSc on its communicator."""
-
-    mesh: weakref.ReferenceType[dmesh.Mesh]
-    holder: PETSc.Vec
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """PETSc's copy of the communicator of the mesh."""
-        return self.holder.comm.tompi4py()
-
-
-_mesh_objects: list[_MeshObject] = []
+# Meshes, each with an object of PETSc on its communicator.
+_mesh_objects: list[tuple[weakref.ReferenceType[dmesh.Mesh], PETSc.Vec]] = []
 
 
 def free_unused(mesh: dmesh.Mesh) -> None:
@@ -39,14 +26,17 @@ def free_unused(mesh: dmesh.Mesh) -> None:
     """
     if mesh.comm.size == 1:  # destroyed at once
         return
-    entries = [entry for entry in _mesh_objects if MPI.Comm.Compare(entry.comm, mesh.comm) in _SAME_COMMUNICATOR]
-    for entry in entries:
-        PETSc.garbage_cleanup(entry.comm)
+    entries = []
+    for entry in _mesh_objects:
+        comm = entry[1].comm.tompi4py()  # PETSc's copy of the communicator of the mesh
+        if MPI.Comm.Compare(comm, mesh.comm) in _SAME_COMMUNICATOR:
+            entries.append(entry)
+            PETSc.garbage_cleanup(comm)
     # A rank may have forgotten a mesh that another one still has.
-    gone = mesh.comm.allreduce(sum(1 << k for k, entry in enumerate(entries) if entry.mesh() is None), MPI.BAND)
+    gone = mesh.comm.allreduce(sum(1 << k for k, (known, _) in enumerate(entries) if known() is None), MPI.BAND)
     for k, entry in enumerate(entries):
         if gone >> k & 1:
-            entry.holder.destroy()
+            entry[1].destroy()
             _mesh_objects.remove(entry)
-    if not any(entry.mesh() is mesh for entry in entries):
-        _mesh_objects.append(_MeshObject(weakref.ref(mesh), PETSc.Vec().createMPI((0, 0), comm=mesh.comm)))
+    if not any(known() is mesh for known, _ in entries):
+        _mesh_objects.append((weakref.ref(mesh), PETSc.Vec().createMPI((0, 0), comm=mesh.comm)))

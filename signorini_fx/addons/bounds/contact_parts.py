@@ -14,10 +14,9 @@ from math import factorial
 import numpy as np
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, Simplices, closest_linear, with_hats
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, EPS, Array, Ints, Simplices, closest_linear, with_hats
 from signorini_fx.tuned import NOTHING_LEFT, ROOT_OF_EPS, SAME_LENGTH
 
-_EPS = float(np.finfo(float).eps)
 # Sides of a contact: that with the contact points, and the other one.
 SLAVE, MASTER = 0, 1
 
@@ -181,7 +180,7 @@ class ContactParts:
         mean = integrals / (areas / count)[:, None, None, None]
         closest = closest_linear(mean.reshape(-1, d, d)).reshape(mean.shape)
         missed = squares - np.einsum("npai,npai->n", integrals, closest)
-        return closest, missed.clip(min=0.0) + 64 * _EPS * squares
+        return closest, missed.clip(min=0.0) + 64 * EPS * squares
 
 
 def _shared(first: Array, second: Array) -> tuple[Array, Ints]:

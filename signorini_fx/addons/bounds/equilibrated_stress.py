@@ -15,9 +15,7 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.linear_displacement import free_basis, free_motions, solved
-from signorini_fx.addons.bounds.simplices import Array, Ints, Simplices, closest_linear, pieces_of_cells, with_hats
-
-_EPS = float(np.finfo(float).eps)
+from signorini_fx.addons.bounds.simplices import EPS, Array, Ints, Simplices, closest_linear, pieces_of_cells, with_hats
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,7 @@ def _round_off(
     force = np.abs(tractions).max(axis=(1, 2)) * t.area
     sizes = force[t.facets_of].max(axis=1) + np.abs(body).sum(axis=(1, 2))
     start = np.unique(t.sides[t.outer, 0][held[t.outer].any(axis=(1, 2))])
-    total, couple = _carried(t.x[t.corners].mean(axis=1), t.sides, start, sizes * (missed_share + 32 * _EPS))
+    total, couple = _carried(t.x[t.corners].mean(axis=1), t.sides, start, sizes * (missed_share + 32 * EPS))
     longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)
     lowest = (d - 1) * t.area[t.facets_of].min(axis=1) / longest ** (d - 2)
     forces = total + 6 * (d - 1) * (couple + total * longest) / lowest

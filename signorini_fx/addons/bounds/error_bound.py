@@ -33,10 +33,10 @@ from signorini_fx.addons.bounds.contact_parts import MASTER, POINTS, SLAVE, WEIG
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, equilibrated
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain, square
 from signorini_fx.addons.bounds.liftings import Liftings, finest, lifted_forces
-from signorini_fx.addons.bounds.linear_displacement import free_motions, of_each_piece
+from signorini_fx.addons.bounds.linear_displacement import free_motions
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
-from signorini_fx.addons.bounds.scene_arrays import Rows, of_rank, on_first_rank
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints, pieces_of_cells, with_hats
+from signorini_fx.addons.bounds.scene_arrays import Rows, on_first_rank
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, EPS, Array, Ints, pieces_of_cells, with_hats
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -44,9 +44,8 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import ErrorBound, Refused
 from signorini_fx.tuned import DIVISIONS, PARTS_OF_EDGE
 
-_EPS = float(np.finfo(float).eps)
 # Share of displacements and forces below which they are round-off.
-ROUND_OFF = 64 * _EPS
+ROUND_OFF = 64 * EPS
 # Linear functions on a facet with the moments of 4 l_a l_b: at a and b, and at the third vertex.
 _OF_BUBBLE = {2: (2 / 3, 0), 3: (3 / 5, -1 / 5)}
 
@@ -79,7 +78,8 @@ def error_bound(model: Model, y: fem.Function, contact: ContactState | None, ste
         bound = on_first_rank(model, y, known_contact(model, contact), step, lambda rows: bounded(model, rows).bound())
     except Refused as refused:
         return str(refused)
-    return replace(bound, squares=of_rank(model, bound.squares))
+    own = model.tagged.mesh.topology.index_map(model.tagged.dimension).local_range
+    return replace(bound, squares=bound.squares[slice(*own)])
 
 
 def known_contact(model: Model, contact: ContactState | None) -> ContactState | None:
@@ -259,26 +259,22 @@ class Bounded(PlainProblem):
             + np.abs(np.einsum("fadk,fad->fak", contact.across, contact.shear)).sum(axis=(0, 1))
             for contact in contacts
         )
-        pieces, group = of_each_piece(t, motions), self.group_of_piece
-        size = np.abs(loads) + sizes
-        for number in np.unique([group[piece] for piece, _ in pieces]):
-            column_groups = [columns for piece, columns in pieces if group[piece] == number]
-            part = np.concatenate(column_groups)
-            # A piece has its own scale, above the round-off of all pieces together.
-            small = [
-                np.full(len(columns), ROUND_OFF * size[columns].max() + _EPS * size.max()) for columns in column_groups
-            ]
+        piece, size = t.piece_of_vertex[np.abs(motions).argmax(axis=0) // t.dimension], np.abs(loads) + sizes
+        group = self._group_of_piece()[piece]
+        # A piece has its own scale, above the round-off of all pieces together.
+        small = ROUND_OFF * np.array([size[piece == number].max() for number in piece]) + EPS * size.max()
+        for number in np.unique(group):
+            part = group == number
             of_group = [
                 replace(contact, normal=contact.normal[..., part], across=contact.across[..., part])
                 for contact in contacts
             ]
-            tractions = balanced(loads[part], of_group, np.concatenate(small))
+            tractions = balanced(loads[part], of_group, small[part])
             for surface, contact, (pressure, shear) in zip(self.contacts, contacts, tractions, strict=True):
                 surface.pressure = contact.pressure = pressure
                 surface.shear = contact.shear = shear
 
-    @cached_property
-    def group_of_piece(self) -> Ints:
+    def _group_of_piece(self) -> Ints:
         """A number for each piece, the same for those that contacts join."""
         t, links = self.t, np.zeros((0, 2), dtype=np.int64)
         for surface in self.contacts:

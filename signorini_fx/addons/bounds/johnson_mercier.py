@@ -160,13 +160,10 @@ def slopes_of_parts(d: int) -> Array:
 
 def tensor_times(vector: Array) -> Array:
     """From the components of a symmetric tensor to its product with a vector, shape (d, 3 or 6)."""
-    d = len(vector)
-    rows = np.zeros((d, len(ROWS[d])))
-    for k, (i, j) in enumerate(zip(ROWS[d], COLUMNS[d], strict=True)):
-        rows[i, k] += vector[j]
-        if i != j:
-            rows[j, k] += vector[i]
-    return rows
+    rows, columns = ROWS[len(vector)], COLUMNS[len(vector)]
+    product, components = np.zeros((len(vector), len(rows))), np.arange(len(rows))
+    product[rows, components], product[columns, components] = vector[columns], vector[rows]
+    return product
 
 
 @cache

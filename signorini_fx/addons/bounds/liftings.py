@@ -44,6 +44,7 @@ from signorini_fx.addons.bounds.johnson_mercier import (
 from signorini_fx.addons.bounds.simplices import (
     CORNERS_OF_PARTS,
     EDGES,
+    EPS,
     FACETS,
     ROWS,
     TWICE,
@@ -57,7 +58,6 @@ from signorini_fx.tuned import ROUNDED_FORMS
 
 # Cells whose systems are solved at the same time.
 _CHUNK = 16
-_EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ def rounded(corners: Array, moduli: Moduli) -> Array:
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1) @ np.linalg.inv(regular)
     root = np.sqrt(TWICE[d])
     sizes = np.linalg.eigvalsh(moduli.stiffness * root[:, None] / root)
-    return np.asarray(ROUNDED_FORMS * _EPS * sizes[:, -1] / sizes[:, 0] * np.linalg.cond(edges) ** 4)
+    return np.asarray(ROUNDED_FORMS * EPS * sizes[:, -1] / sizes[:, 0] * np.linalg.cond(edges) ** 4)
 
 
 def _forms(facet: DividedFacet, corners: Array, moduli: Moduli) -> Array:

@@ -135,12 +135,6 @@ def free_motions(t: Simplices, held: Array) -> Array:
     return np.concatenate(bases, axis=1)
 
 
-def of_each_piece(t: Simplices, motions: Array) -> list[tuple[int, Ints]]:
-    """The pieces that have free motions, each with the columns that these have in ``free_motions``."""
-    piece = t.piece_of_vertex[np.abs(motions).argmax(axis=0) // t.x.shape[1]]
-    return [(int(number), np.flatnonzero(piece == number)) for number in np.unique(piece)]
-
-
 def solved(upper: sp.csr_matrix, right: Array) -> Array:
     """The solution by the fastest factorisation that this PETSc has, shape (n,); ``upper``: the upper half of the
     matrix, its diagonal included, indices sorted.

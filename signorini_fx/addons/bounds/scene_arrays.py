@@ -61,11 +61,6 @@ def on_first_rank(
     return parallel.on_root(comm, lambda: prove(rows))
 
 
-def of_rank(model: Model, values: Array) -> Array:
-    """Values of the cells that this rank owns, of those of all ranks, one rank after the other."""
-    return values[slice(*model.tagged.mesh.topology.index_map(model.tagged.dimension).local_range)]
-
-
 def _areas(model: Model, step: float) -> list[float]:
     """Of the boundary of each load, zero in the body; collective."""
     entries = model.statement.placed(step).of(Force)

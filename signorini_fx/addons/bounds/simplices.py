@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
+EPS = float(np.finfo(float).eps)
 
 # By dimension: corners of the facet opposite each corner, and of each edge.
 FACETS: dict[int, Ints] = {
