@@ -189,8 +189,11 @@ def _moment(model: Model, boundary: str, axis: str = "z") -> Functional:
     return ContactForce(_contact_of(model.statement, boundary), component, moment=True)
 
 
-def _pressure(model: Model, boundary: str, *power: str) -> Functional:
-    return LargestPressure(_contact_of(model.statement, boundary), _power_of(boundary, [*power]))
+def _pressure(model: Model, boundary: str, power: str = "8") -> Functional:
+    part, number = _contact_of(model.statement, boundary), float(power)
+    if not 1 < number <= 1000:
+        raise SceneError([(f"of pressure {boundary} {power}", "the power must be above 1, and 1000 at most")])
+    return LargestPressure(part, number)
 
 
 def _mean(model: Model, boundary: str, axis: str) -> Functional:
@@ -241,12 +244,3 @@ def _contact_of(statement: Statement, boundary: str) -> int:
     if boundary not in names:
         raise SceneError([(f"of {boundary!r}", f"is no contact boundary; there are: {', '.join(names)}")])
     return names.index(boundary)
-
-
-def _power_of(boundary: str, words: list[str]) -> float:
-    """The power that smooths the largest pressure of a boundary."""
-    text = " ".join(words)
-    power = float(text) if words else 8.0
-    if not 1 < power <= 1000:
-        raise SceneError([(f"of pressure {boundary} {text}", "the power must be above 1, and 1000 at most")])
-    return power

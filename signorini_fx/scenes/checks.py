@@ -49,12 +49,8 @@ from signorini_fx.tuned import (
     SOLVES_PER_DOUBLING,
 )
 
-# Entries of a list, and characters of an expression, that are shown.
-_MOST_SHOWN = 30
-
-
-# Columns of the labels of the text.
-_LABEL = 12
+# Entries of a list, and characters of an expression, that are shown; columns of the labels of the text.
+_MOST_SHOWN, _LABEL = 30, 12
 
 
 @dataclass(frozen=True)
@@ -177,7 +173,11 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
     """
     petsc_options.refuse_exchanged()
     if scene.statement.nonlinear:
-        model, compared = _nonlinear(scene, comm), False
+        from signorini_fx.scenes.nonlinear import ProblemOfScene, linear_body
+
+        model, compared = linear_body(scene, comm, Timings()), False
+        ProblemOfScene.of(scene.statement, model, History())
+        model = replace(model, statement=scene.statement)
         findings = [*nonlinear_findings(model.statement, model)]
     else:
         coarser = coarser_scenes(scene, scene.solver.levels)
@@ -190,15 +190,6 @@ def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bo
         needed = f"about {cost.memory_bytes / 1e9:.0f} GB are needed, this machine has {available / 1e9:.0f}"
         findings.insert(0, Finding("warning", "mesh", f"{needed}: use a coarser mesh"))
     return Check(scene.title, _acting(model, compared=compared), cost, tuple(findings))
-
-
-def _nonlinear(scene: Scene, comm: MPI.Comm) -> Model:
-    """The body of a scene with nonlinear materials, whose modules are imported for it alone, after all checks."""
-    from signorini_fx.scenes.nonlinear import ProblemOfScene, linear_body
-
-    model = linear_body(scene, comm, Timings())
-    ProblemOfScene.of(scene.statement, model, History())
-    return replace(model, statement=scene.statement)
 
 
 def _validated(scene: Scene, comm: MPI.Comm) -> Model:

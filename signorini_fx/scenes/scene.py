@@ -181,10 +181,7 @@ class Scene(Table):
     units: Units = Units()
     title_block: TitleBlock = TitleBlock()
 
-    @model_validator(mode="before")
-    @classmethod
-    def _shapes_of_rigid_bodies(cls, entry: Any) -> Any:
-        return with_shapes(entry)
+    _shapes_of_rigid_bodies = model_validator(mode="before")(with_shapes)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
