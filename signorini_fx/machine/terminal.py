@@ -46,17 +46,11 @@ def is_terminal(stream: TextIO | None) -> bool:
 
 @dataclass(frozen=True)
 class TerminalLine:
-    """A line of output.
+    """A line of output."""
 
-    Attributes:
-        begin: how it begins, on a terminal in the colour of its kind.
-        text: prose behind that.
-        kind: ``error``, ``warning``, ``advice``, ``good``, or "" without a colour.
-    """
-
-    begin: str
-    text: str = ""
-    kind: str = ""
+    begin: str  # how it begins, on a terminal in the colour of its kind
+    text: str = ""  # prose behind that
+    kind: str = ""  # ``error``, ``warning``, ``advice``, ``good``, or "" without a colour
 
     def __str__(self) -> str:
         return f"{self.begin}{self.text}"

@@ -55,27 +55,16 @@ _MOST_SHOWN, _LABEL = 30, 12
 
 @dataclass(frozen=True)
 class Cost:
-    """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s.
+    """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s."""
 
-    Attributes:
-        unknowns: displacement components that are not prescribed, of the body and of rigid ones.
-        linear_algebra: ``full``, ``krylov`` or ``condensed``, and why.
-        linear_solves: from and to, of all load steps.
-        seconds: linear algebra of the whole solve, from and to.
-        memory_bytes: of the whole process.
-        next_error: the share of the error that the next two are about.
-        next_seconds: that it would take, from and to.
-        next_local: whether cells are divided where the error is; otherwise all become smaller.
-    """
-
-    unknowns: int
-    linear_algebra: str
-    linear_solves: tuple[int, int]
-    seconds: tuple[float, float]
-    memory_bytes: float
-    next_error: float
-    next_seconds: tuple[float, float]
-    next_local: bool
+    unknowns: int  # displacement components that are not prescribed, of the body and of rigid ones
+    linear_algebra: str  # ``full``, ``krylov`` or ``condensed``, and why
+    linear_solves: tuple[int, int]  # from and to, of all load steps
+    seconds: tuple[float, float]  # linear algebra of the whole solve, from and to
+    memory_bytes: float  # of the whole process
+    next_error: float  # the share of the error that the next two are about
+    next_seconds: tuple[float, float]  # that it would take, from and to
+    next_local: bool  # whether cells are divided where the error is; otherwise all become smaller
 
 
 def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:

@@ -85,21 +85,13 @@ def linear_body(scene: Scene, comm: mpi4py.MPI.Comm, timings: Timings) -> Model:
 
 
 class ProblemOfScene(NonlinearContactProblem):
-    """The nonlinear problem of a scene on its mesh.
+    """The nonlinear problem of a scene on its mesh."""
 
-    Attributes:
-        statement: the scene.
-        model: the linear body that it is at small strains, with its loads and supports.
-        body: its residual.
-        path_step: the place in the lists of factors where it is.
-        timings: of what was done before it was solved.
-    """
-
-    statement: Statement
-    model: Model
-    body: BodyResidual
-    path_step = -1.0
-    timings: Timings
+    statement: Statement  # the scene
+    model: Model  # the linear body that it is at small strains, with its loads and supports
+    body: BodyResidual  # its residual
+    path_step = -1.0  # the place in the lists of factors where it is
+    timings: Timings  # of what was done before it was solved
     _named_residual: ClassVar[str] = "material"
     _held: fem.Function  # the values of supports
 
@@ -265,13 +257,9 @@ class ReachedStep:
 
 @dataclass(frozen=True, kw_only=True)
 class BodyOfScene(ResidualBody):
-    """A body whose loads and supports have names, and whose materials say its stress.
+    """A body whose loads and supports have names, and whose materials say its stress."""
 
-    Attributes:
-        forces: evaluates the forces and the stress of materials, and the forces of loads.
-    """
-
-    forces: NonlinearForces
+    forces: NonlinearForces  # evaluates the forces and the stress of materials, and the forces of loads
 
     def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
         path = [(load_step.displacement, load_step.place) for load_step, _ in self.ends]

@@ -22,23 +22,14 @@ from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 
 @dataclass
 class AdmissibleTractions:
-    """Those of one contact, at k vertices of each of its m facets.
+    """Those of one contact, at k vertices of each of its m facets."""
 
-    Attributes:
-        pressure: p, stress, shape (m, k).
-        shear: mu, stress, shape (m, k, d).
-        least: of which |mu| is at most, stress, shape (m, k).
-        normal: work of unit pressures on the free motions, shape (m, k, n).
-        across: that of unit shears, shape (m, k, d, n).
-        weight: areas, shape (m,).
-    """
-
-    pressure: Array
-    shear: Array
-    least: Array
-    normal: Array
-    across: Array
-    weight: Array
+    pressure: Array  # p, stress, shape (m, k)
+    shear: Array  # mu, stress, shape (m, k, d)
+    least: Array  # of which |mu| is at most, stress, shape (m, k)
+    normal: Array  # work of unit pressures on the free motions, shape (m, k, n)
+    across: Array  # that of unit shears, shape (m, k, d, n)
+    weight: Array  # areas, shape (m,)
 
     def at(self, y: Array) -> tuple[Array, Array]:
         """The admissible ones for multipliers."""

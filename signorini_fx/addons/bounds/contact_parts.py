@@ -23,23 +23,14 @@ SLAVE, MASTER = 0, 1
 
 @dataclass(frozen=True)
 class ContactParts:
-    """The parts of one contact, m of them; arrays of both sides, or of the first one alone on a foundation.
+    """The parts of one contact, m of them; arrays of both sides, or of the first one alone on a foundation."""
 
-    Attributes:
-        facets: of each side that have some, shapes (f,) and (g,).
-        row: of the parts among these, shapes (m,).
-        local: barycentric coordinates of their vertices in the facets of each side, shapes (m, d, d).
-        area: of them, shape (m,).
-        normal: to the foundation or the other body, shape (m, d).
-        by_facets: whether they are whole facets of each side.
-    """
-
-    facets: tuple[Ints, ...]
-    row: tuple[Ints, ...]
-    local: tuple[Array, ...]
-    area: Array
-    normal: Array
-    by_facets: bool
+    facets: tuple[Ints, ...]  # of each side that have some, shapes (f,) and (g,)
+    row: tuple[Ints, ...]  # of the parts among these, shapes (m,)
+    local: tuple[Array, ...]  # barycentric coordinates of their vertices in the facets of each side, shapes (m, d, d)
+    area: Array  # of them, shape (m,)
+    normal: Array  # to the foundation or the other body, shape (m, d)
+    by_facets: bool  # whether they are whole facets of each side
 
     @classmethod
     def on_foundation(cls, t: Simplices, facets: Ints, normal: Array) -> ContactParts:

@@ -20,15 +20,10 @@ from signorini_fx.addons.bounds.simplices import EPS, Array, Ints, Simplices, cl
 
 @dataclass(frozen=True)
 class EquilibratedStress:
-    """A stress in equilibrium.
+    """A stress in equilibrium."""
 
-    Attributes:
-        stress: on each part of each cell at its corners, see ``LocalStress.stress``.
-        missing: a bound of the work of what is not in equilibrium by round-off, per unit of the energy norm.
-    """
-
-    stress: Array
-    missing: float
+    stress: Array  # on each part of each cell at its corners, see ``LocalStress.stress``
+    missing: float  # a bound of the work of what is not in equilibrium by round-off, per unit of the energy norm
 
 
 def equilibrated(t: Simplices, held: Array, body: Array, traction: Array, prescribed: Array) -> EquilibratedStress:

@@ -52,17 +52,11 @@ _OF_BUBBLE = {2: (2 / 3, 0), 3: (3 / 5, -1 / 5)}
 
 @dataclass(frozen=True)
 class Admissible:
-    """A displacement v that does not enter foundations or other bodies.
+    """A displacement v that does not enter foundations or other bodies."""
 
-    Attributes:
-        strain: at corners, shape (n, d + 1, 3 or 6).
-        contact: its share of the gap of the functionals, twice, on the contact, energies, shape (n,).
-        moved: squares of the energy norm of its difference from the computed one, shape (n,).
-    """
-
-    strain: Array
-    contact: Array
-    moved: Array
+    strain: Array  # at corners, shape (n, d + 1, 3 or 6)
+    contact: Array  # its share of the gap of the functionals, twice, on the contact, energies, shape (n,)
+    moved: Array  # squares of the energy norm of its difference from the computed one, shape (n,)
 
 
 def error_bound(model: Model, y: fem.Function, contact: ContactState | None, step: float = 0.0) -> ErrorBound | str:

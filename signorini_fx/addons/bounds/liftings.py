@@ -62,22 +62,15 @@ _CHUNK = 16
 
 @dataclass(frozen=True)
 class DividedFacet:
-    """A facet divided into parts, p = m^(d - 1) of them, and a cell on it into m^d.
+    """A facet divided into parts, p = m^(d - 1) of them, and a cell on it into m^d."""
 
-    Attributes:
-        parts: barycentric coordinates of the vertices of its parts, in the order of those of the facet that they are
-            similar to, shape (p, d, d).
-        turned: which of them are turned by half a turn, shape (p,).
-        mean: from values at the vertices of the parts to those of the closest linear function, shape (d, d p).
-        x: barycentric coordinates of vertices in the cell, shape (v, d + 1); those of the facet are first.
-        corners: of its parts, shape (m^d, d + 1).
-    """
-
+    # barycentric coordinates of the vertices of its parts, in the order of those of the facet that they are similar to,
+    # shape (p, d, d)
     parts: Array
-    turned: Ints
-    mean: Array
-    x: Array
-    corners: Ints
+    turned: Ints  # which of them are turned by half a turn, shape (p,)
+    mean: Array  # from values at the vertices of the parts to those of the closest linear function, shape (d, d p)
+    x: Array  # barycentric coordinates of vertices in the cell, shape (v, d + 1); those of the facet are first
+    corners: Ints  # of its parts, shape (m^d, d + 1)
 
     @property
     def times(self) -> int:
@@ -123,18 +116,13 @@ def finest(facet: DividedFacet, levels: int) -> Array:
 
 @dataclass(frozen=True)
 class Liftings:
-    """Of tractions on a facet of each of n cells.
+    """Of tractions on a facet of each of n cells."""
 
-    Attributes:
-        facet: how facets are divided.
-        forms: squares of the norms of liftings in K, and in 3D in K', of tractions that are linear on the parts,
-            from values at their vertices, shape (n, 1 or 2, d^2 p, d^2 p).
-        constant: a bound of c_K and c_K', shape (n,).
-    """
-
-    facet: DividedFacet
+    facet: DividedFacet  # how facets are divided
+    # squares of the norms of liftings in K, and in 3D in K', of tractions that are linear on the parts, from values at
+    # their vertices, shape (n, 1 or 2, d^2 p, d^2 p)
     forms: Array
-    constant: Array
+    constant: Array  # a bound of c_K and c_K', shape (n,)
 
     @classmethod
     def of(cls, corners: Array, moduli: Moduli, m: int) -> Liftings:

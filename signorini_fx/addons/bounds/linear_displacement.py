@@ -23,17 +23,11 @@ from signorini_fx.tuned import NOTHING_LEFT, ZERO_IN_SOLUTION
 
 @dataclass(frozen=True)
 class PrescribedComponents:
-    """Components of displacements at vertices, r of them.
+    """Components of displacements at vertices, r of them."""
 
-    Attributes:
-        vertex: where, shape (r,).
-        direction: unit vectors, shape (r, d).
-        value: of the components, length, shape (r,).
-    """
-
-    vertex: Ints
-    direction: Array
-    value: Array
+    vertex: Ints  # where, shape (r,)
+    direction: Array  # unit vectors, shape (r, d)
+    value: Array  # of the components, length, shape (r,)
 
     def fixes(self, t: Simplices) -> bool:
         """Whether they leave no rigid motion of any piece free."""

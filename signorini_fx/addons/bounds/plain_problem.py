@@ -33,23 +33,14 @@ _OF_HALVES = np.array([[3, 6, -1], [-1, 6, 3]]) / 8
 
 @dataclass
 class FacetsInContact:
-    """One contact.
+    """One contact."""
 
-    Attributes:
-        parts: where it is, m of them, on f facets with contact points.
-        gap: coefficients of Bernstein on the parts, length, shape (m, 3 or 6).
-        bound: g at the vertices of the facets, stress, shape (f, d).
-        pressure: p, see ``bound``.
-        shear: mu there, perpendicular to the normal, stress, shape (f, d, d).
-        share: of a change of the jump that the side with the contact points takes.
-    """
-
-    parts: ContactParts
-    gap: Array
-    bound: Array
-    pressure: Array
-    shear: Array
-    share: float
+    parts: ContactParts  # where it is, m of them, on f facets with contact points
+    gap: Array  # coefficients of Bernstein on the parts, length, shape (m, 3 or 6)
+    bound: Array  # g at the vertices of the facets, stress, shape (f, d)
+    pressure: Array  # p, see ``bound``
+    shear: Array  # mu there, perpendicular to the normal, stress, shape (f, d, d)
+    share: float  # of a change of the jump that the side with the contact points takes
 
     @property
     def paired(self) -> bool:

@@ -84,21 +84,13 @@ def _points(contact: ContactState) -> Rows:
 
 @dataclass(frozen=True)
 class _Facets:
-    """Facets of the own cells of a rank.
+    """Facets of the own cells of a rank."""
 
-    Attributes:
-        cell: of each, shape (m,).
-        vertices: their global numbers, shape (m, d).
-        x: of these, length, shape (m, d, d).
-        normal: outward, shape (m, d).
-        area: shape (m,).
-    """
-
-    cell: Ints
-    vertices: Ints
-    x: Array
-    normal: Array
-    area: Array
+    cell: Ints  # of each, shape (m,)
+    vertices: Ints  # their global numbers, shape (m, d)
+    x: Array  # of these, length, shape (m, d, d)
+    normal: Array  # outward, shape (m, d)
+    area: Array  # shape (m,)
 
     @staticmethod
     def of(model: Model, facets: npt.NDArray[np.int32]) -> _Facets:

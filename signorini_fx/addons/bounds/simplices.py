@@ -40,15 +40,10 @@ TWICE: dict[int, Array] = {d: np.where(ROWS[d] == COLUMNS[d], 1.0, 2.0) for d in
 
 @dataclass(frozen=True)
 class Moduli:
-    """Hooke's law of n cells, in the components ``ROWS`` and ``COLUMNS`` of epsilon and sigma, m of them.
+    """Hooke's law of n cells, in the components ``ROWS`` and ``COLUMNS`` of epsilon and sigma, m of them."""
 
-    Attributes:
-        stiffness: stresses from strains, shape (n, m, m).
-        compliance: its inverse.
-    """
-
-    stiffness: Array
-    compliance: Array
+    stiffness: Array  # stresses from strains, shape (n, m, m)
+    compliance: Array  # its inverse
 
     @classmethod
     def isotropic(cls, lame: Array, mu: Array, dimension: int) -> Moduli:
@@ -78,19 +73,13 @@ class Moduli:
 
 @dataclass(frozen=True)
 class Simplices:
-    """A body of straight triangles or tetrahedra.
+    """A body of straight triangles or tetrahedra."""
 
-    Attributes:
-        x: vertices, length, shape (v, d).
-        corners: of each cell, with positive determinants, shape (n, d + 1).
-        moduli: of each cell.
-        parts: how many similar triangles a cell of the mesh is divided into, 1 or 4: those of the i-th of m cells are
-            i, i + m and so on, with corners in the order of its own, the last one between the others.
-    """
-
-    x: Array
-    corners: Ints
-    moduli: Moduli
+    x: Array  # vertices, length, shape (v, d)
+    corners: Ints  # of each cell, with positive determinants, shape (n, d + 1)
+    moduli: Moduli  # of each cell
+    # how many similar triangles a cell of the mesh is divided into, 1 or 4: those of the i-th of m cells are i, i + m
+    # and so on, with corners in the order of its own, the last one between the others
     parts: int = 1
 
     @property

@@ -44,28 +44,19 @@ from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LEFT_BY_SOLVES, MANY_STEPS
 
 @dataclass(frozen=True)
 class LinearisedLaw:
-    """The law at the n points of this rank.
+    """The law at the n points of this rank."""
 
-    Attributes:
-        tied: components whose displacement the law prescribes, or would without regularisation, shape (n, d).
-        spread: E, from their tractions to all components: the friction bound follows the pressure, shape (n, d, d).
-        turning: the rest of the tangent, by which the shear follows the direction of slip, stress per length, shape
-            (n, d, d).
-        gamma: stiffness of each component, stress per length, shape (d,).
-        exact: whether there is no regularisation.
-        slip: e where the shear is at its bound, else zero, shape (n, d - 1).
-        between: points of all ranks that stand between two sets, where derivatives are one-sided.
-        slips: by how much more slips change with displacements than these along the contact do, as they turn it,
-            without unit, shape (n, d - 1, d); None: by nothing.
-    """
-
+    # components whose displacement the law prescribes, or would without regularisation, shape (n, d)
     tied: npt.NDArray[np.bool_]
-    spread: Nodal
+    spread: Nodal  # E, from their tractions to all components: the friction bound follows the pressure, shape (n, d, d)
+    # the rest of the tangent, by which the shear follows the direction of slip, stress per length, shape (n, d, d)
     turning: Nodal
-    gamma: Nodal
-    exact: bool
-    slip: Nodal
-    between: int
+    gamma: Nodal  # stiffness of each component, stress per length, shape (d,)
+    exact: bool  # whether there is no regularisation
+    slip: Nodal  # e where the shear is at its bound, else zero, shape (n, d - 1)
+    between: int  # points of all ranks that stand between two sets, where derivatives are one-sided
+    # by how much more slips change with displacements than these along the contact do, as they turn it, without unit,
+    # shape (n, d - 1, d); None: by nothing
     slips: Nodal | None = None
 
     @property
@@ -137,38 +128,23 @@ def _between(
 
 @dataclass(frozen=True)
 class Explicit:
-    """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or its derivatives.
+    """What of a load step depends on a datum explicitly, for fixed displacement and tractions, or its derivatives."""
 
-    Attributes:
-        values: of the quantities.
-        residual: R at the unknowns of the stiffness.
-        relative: B x - d, length, shape (n, d).
-        bound: the friction bound, stress, shape (n,).
-    """
-
-    values: Sequence[float]
-    residual: PETSc.Vec
-    relative: Nodal
-    bound: Nodal
+    values: Sequence[float]  # of the quantities
+    residual: PETSc.Vec  # R at the unknowns of the stiffness
+    relative: Nodal  # B x - d, length, shape (n, d)
+    bound: Nodal  # the friction bound, stress, shape (n,)
 
 
 @dataclass(frozen=True)
 class Adjoint:
-    """The adjoint state of one quantity.
+    """The adjoint state of one quantity."""
 
-    Attributes:
-        psi: at all unknowns of the stiffness, zero where they are prescribed.
-        untied: q at the points, for what changes tractions at a given displacement, shape (n, d).
-        tied: minus what a displacement of the tied components, and the turning of shear, contribute, shape (n, d).
-        law: the linearised law.
-        weight: w, shape (n,).
-    """
-
-    psi: PETSc.Vec
-    untied: Nodal
-    tied: Nodal
-    law: LinearisedLaw
-    weight: Nodal
+    psi: PETSc.Vec  # at all unknowns of the stiffness, zero where they are prescribed
+    untied: Nodal  # q at the points, for what changes tractions at a given displacement, shape (n, d)
+    tied: Nodal  # minus what a displacement of the tied components, and the turning of shear, contribute, shape (n, d)
+    law: LinearisedLaw  # the linearised law
+    weight: Nodal  # w, shape (n,)
 
     def derivative(self, by: Explicit, direct: float) -> float:
         """dJ/dp from what depends on p explicitly, and J_p; collective."""

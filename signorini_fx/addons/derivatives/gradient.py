@@ -45,25 +45,19 @@ By = Callable[[Any, Sequence[Functional]], Explicit]
 
 @dataclass(frozen=True)
 class SolvedStep:
-    """A load step with its solution, and all that its derivatives need.
-
-    Attributes:
-        displacement: y, from the initial position.
-        driven: the unknowns of rigid bodies, shape (k,).
-        compliance: 1 / gamma_2, length per stress; zero without regularisation.
-        curvature: how contact forces turn with the displacements of their points, force per length, shape (n, d, d);
-            None: they do not.
-        spin: by which rotations shapes have turned in this load step, shape (n, d, d); None: by none that counts.
-    """
+    """A load step with its solution, and all that its derivatives need."""
 
     body: ElasticBody
     system: ElasticSystem
     law: LinearisedLaw
     state: ContactState
-    displacement: fem.Function
-    driven: Array
-    compliance: float
+    displacement: fem.Function  # y, from the initial position
+    driven: Array  # the unknowns of rigid bodies, shape (k,)
+    compliance: float  # 1 / gamma_2, length per stress; zero without regularisation
+    # how contact forces turn with the displacements of their points, force per length, shape (n, d, d); None: they do
+    # not
     curvature: Array | None = None
+    # by which rotations shapes have turned in this load step, shape (n, d, d); None: by none that counts
     spin: Array | None = None
 
     @classmethod
@@ -200,29 +194,19 @@ def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
 
 @dataclass(frozen=True)
 class ChangedStep:
-    """A load step at some value of a datum.
+    """A load step at some value of a datum."""
 
-    Attributes:
-        forms: terms of a(., .), with that value while it is evaluated; none where what they give does not change.
-        forces: L at the owned dofs.
-        prescribed: the prescribed displacements at the owned dofs.
-        boundary: the contact points.
-        gap: d from the initial position, length, shape (n,).
-        law: of friction; None: there is none.
-        driven: what drives rigid bodies; None: there are none.
-        drift: how far foundations have moved in this load step, length, shape (n, d); None: they have not.
-        spin: see ``SolvedStep``.
-    """
-
+    # terms of a(., .), with that value while it is evaluated; none where what they give does not change
     forms: Sequence[fem.Form]
-    forces: Array
-    prescribed: Array
-    boundary: ContactBoundary
-    gap: Nodal
-    law: PointFriction | None
-    driven: Driven | None = None
+    forces: Array  # L at the owned dofs
+    prescribed: Array  # the prescribed displacements at the owned dofs
+    boundary: ContactBoundary  # the contact points
+    gap: Nodal  # d from the initial position, length, shape (n,)
+    law: PointFriction | None  # of friction; None: there is none
+    driven: Driven | None = None  # what drives rigid bodies; None: there are none
+    # how far foundations have moved in this load step, length, shape (n, d); None: they have not
     drift: Nodal | None = None
-    spin: Nodal | None = None
+    spin: Nodal | None = None  # see ``SolvedStep``
 
 
 def explicit(
