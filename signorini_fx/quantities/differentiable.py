@@ -68,23 +68,6 @@ class OfDisplacement(Functional):
     def by_displacement(self, y: fem.Function) -> Array | None:
         return self.row
 
-    @classmethod
-    def at_point(cls, space: fem.FunctionSpace, point: Array, component: int) -> OfDisplacement | None:
-        """A component at a point, shape (d,); None where that is outside of the body; collective."""
-        mesh, dim = space.mesh, space.mesh.geometry.dim
-        x = np.zeros((1, 3))
-        x[0, :dim] = point
-        cells, reference_points, gap = cells_of_points(mesh, x, DIGITS_OF_FILES)
-        gaps = mesh.comm.allgather(float(gap[0]))
-        if np.isinf(min(gaps)):
-            return None
-        row = fem.Function(space)
-        if int(np.argmin(gaps)) == mesh.comm.rank:
-            basis = space.element.basix_element.tabulate(0, np.ascontiguousarray(reference_points))[0].reshape(-1)
-            row.x.array[dim * space.dofmap.list[cells[0]] + component] = basis
-        row.x.scatter_reverse(la.InsertMode.add)
-        return cls(row.x.array[: space.dofmap.index_map.size_local * dim].copy())
-
 
 @dataclass(frozen=True)
 class ContactForce(Functional):
@@ -214,13 +197,21 @@ def _mean(model: Model, boundary: str, axis: str) -> Functional:
 
 def _displacement(model: Model, point: str, axis: str) -> Functional:
     """The displacement of a point along an axis."""
-    x = np.array([float(coordinate) for coordinate in point.split(",")])
-    if x.size != model.dimension:
+    at, dim, space = [float(coordinate) for coordinate in point.split(",")], model.dimension, model.space
+    component, x = _axis_of(dim, axis), np.zeros((1, 3))
+    if len(at) != dim:
         raise ValueError(point)
-    functional = OfDisplacement.at_point(model.space, x, _axis_of(model.dimension, axis))
-    if functional is None:
+    x[0, :dim] = at
+    cells, reference_points, gap = cells_of_points(space.mesh, x, DIGITS_OF_FILES)
+    gaps = model.comm.allgather(float(gap[0]))
+    if np.isinf(min(gaps)):
         raise SceneError([(f"of displacement {point}", "this point is outside of the body")])
-    return functional
+    row = fem.Function(space)
+    if int(np.argmin(gaps)) == model.comm.rank:
+        basis = space.element.basix_element.tabulate(0, np.ascontiguousarray(reference_points))[0].reshape(-1)
+        row.x.array[dim * space.dofmap.list[cells[0]] + component] = basis
+    row.x.scatter_reverse(la.InsertMode.add)
+    return OfDisplacement(row.x.array[: space.dofmap.index_map.size_local * dim].copy())
 
 
 # How a result with derivatives is asked for, and what finds it.

@@ -210,8 +210,8 @@ class PlainProblem:
         else:
             parts = ContactParts.on_foundation(t, facets, towards)
         points = np.flatnonzero(rows["contact of point"] == number)
-        linear = _OnFacets(self, undivided, rows["point"][points])
-        pressure, shear = linear(rows["pressure"][points], positive=True), linear(rows["shear"][points])
+        at, pressure, shear = (rows[name][points] for name in ("point", "pressure", "shear"))
+        pressure, shear = self._linear(undivided, at, pressure, positive=True), self._linear(undivided, at, shear)
         order = np.argsort(facets)
         of_facets = order[np.searchsorted(facets, parts.facets[SLAVE], sorter=order)]
         normal = np.zeros((len(of_facets), d))
@@ -225,6 +225,26 @@ class PlainProblem:
             soft = [float(t.moduli.stiffest[t.sides[side, 0]].mean()) for side in parts.facets]
             surface.share = soft[MASTER] / (soft[SLAVE] + soft[MASTER])
         return surface
+
+    def _linear(self, undivided: Ints, points: Array, values: Array, *, positive: bool = False) -> Array:
+        """At the vertices of facets of a contact, shape (m, d, ...), linear functions with values at its points, zero
+        elsewhere; on halved facets with the moments of the nodal rule, or not negative with its resultants.
+        """
+        t, facets = self.t, self._halves[undivided]
+        # Of this side alone: vertices of the other body may be at the same places.
+        vertices, nodal = np.unique(t.facets[facets]), np.zeros((len(t.x), *values.shape[1:]))
+        nodal[vertices[cKDTree(t.x[vertices]).query(points)[1]]] = values
+        tractions = nodal[t.facets[facets]]  # (f, halves, d, ...)
+        if facets.shape[1] == 2:
+            # Each half of a facet ends with its middle, which has the higher number.
+            together = np.concatenate((tractions[:, 0], tractions[:, 1, :1]), axis=1)  # an end, the middle, an end
+            together = np.einsum("ab,mb...->ma...", _LINEAR, together)
+            if positive:  # with the resultant of each facet, of which a thin body takes notice
+                cut = together.clip(min=0.0)
+                share = together @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
+                together = cut * share.clip(0.0, 1.0)[:, None]
+            tractions = np.stack((together[:, :2], together[:, [2, 1]]), axis=1)
+        return tractions.reshape(-1, *tractions.shape[2:])
 
     def _apart(self, number: int, parts: ContactParts) -> Array:
         """The gap along the normal between both sides at vertices and middles of edges of the parts, (m, 3 or 6)."""
@@ -246,36 +266,6 @@ class PlainProblem:
             raise refused("sides of two bodies that neither match nor are flat and parallel")
         if acts and np.abs(self._away(parts)).max() > SAME_LENGTH * float(np.ptp(self.t.x, axis=0).max()):
             raise refused("friction of sides that are apart")
-
-
-class _OnFacets:
-    """Linear functions on the facets of a contact from values of its points, zero where there is none; on halved ones
-    with the moments of the nodal rule, or not negative with its resultants.
-    """
-
-    def __init__(self, problem: PlainProblem, undivided: Ints, points: Array) -> None:
-        """``undivided``: facets of the contact before cells are divided, shape (f,); ``points``: length, (p, d)."""
-        t = problem.t
-        self._t, self._facets = t, problem._halves[undivided]
-        # Of this side alone: vertices of the other body may be at the same places.
-        vertices = np.unique(t.facets[self._facets])
-        self._near = vertices[cKDTree(t.x[vertices]).query(points)[1]]
-
-    def __call__(self, values: Array, *, positive: bool = False) -> Array:
-        """At the vertices of the facets, shape (m, d, ...), from values of the points, shape (p, ...)."""
-        nodal = np.zeros((len(self._t.x), *values.shape[1:]))
-        nodal[self._near] = values
-        tractions = nodal[self._t.facets[self._facets]]  # (f, halves, d, ...)
-        if self._facets.shape[1] == 2:
-            # Each half of a facet ends with its middle, which has the higher number.
-            together = np.concatenate((tractions[:, 0], tractions[:, 1, :1]), axis=1)  # an end, the middle, an end
-            together = np.einsum("ab,mb...->ma...", _LINEAR, together)
-            if positive:  # with the resultant of each facet, of which a thin body takes notice
-                cut = together.clip(min=0.0)
-                share = together @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
-                together = cut * share.clip(0.0, 1.0)[:, None]
-            tractions = np.stack((together[:, :2], together[:, [2, 1]]), axis=1)
-        return tractions.reshape(-1, *tractions.shape[2:])
 
 
 def _moduli(rows: Rows, d: int) -> Moduli:

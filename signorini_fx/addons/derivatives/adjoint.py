@@ -30,7 +30,6 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.contact.state import PointState
@@ -199,7 +198,8 @@ class TransposedTangent:
         """
         law, right = self._law, self.system.with_load(by_displacement)
         contact, load = right.contact, right.load
-        _add(contact, np.einsum("nji,nj->ni", law.tangent, by_traction), load)
+        given = np.einsum("nji,nj->ni", law.tangent, by_traction)
+        contact.add_forces(given[:, 0], given[:, 1:], load)
         psi, correction, residual, forces = load.duplicate(), load.duplicate(), load.copy(), load.norm()
         chi, solves, last = np.zeros_like(by_traction), 0, np.inf
         psi.set(0.0)
@@ -230,7 +230,7 @@ class TransposedTangent:
                 break
             last = change
             residual.set(0.0)
-            _add(contact, -step, residual)  # the smaller it is the less a Krylov method has to do
+            contact.add_forces(-step[:, 0], -step[:, 1:], residual)  # if small, little is left for a Krylov method
         if law.exact and change > max(CERTIFICATE_TOLERANCE * size, round_off):
             raise SignoriniError(
                 f"the tractions of the adjoint problem still change by {change / size:.0e} of their size "
@@ -239,7 +239,3 @@ class TransposedTangent:
         turned = np.einsum("nji,nj->ni", law.turning, untied)
         tied = law.by_slips(chi) + turned
         return Adjoint(right.displacement(psi), untied, tied, law, contact.points.weight)
-
-
-def _add(contact: ContactMap, tractions: Nodal, load: PETSc.Vec) -> None:
-    contact.add_forces(tractions[:, 0], tractions[:, 1:], load)

@@ -424,14 +424,12 @@ class _ChangedScene:
 
     def __init__(self, steps: _NonlinearSteps, statement: Statement, path: str) -> None:
         self._problem, self._statement = steps.problem, statement
-        self._model = self._supported() if path.startswith("displacement") else None
+        self._model = None
+        if path.startswith("displacement"):  # other supports
+            self._model = prepare(at_rest(statement), steps.problem.model.tagged, Timings(), path_step=-1)
         touching = path.startswith("contact") or self._model is not None  # supports move contact points, too
         model = self._model or steps.problem.model
         self._touching = ProblemOfScene.of(statement, model, History()) if touching else None
-
-    def _supported(self) -> Model:
-        """The body with other supports; collective."""
-        return prepare(at_rest(self._statement), self._problem.model.tagged, Timings(), path_step=-1)
 
     def values(self, path_step: float) -> Array:
         """The prescribed displacements at the owned dofs; collective."""
