@@ -1,17 +1,10 @@
 """Below which friction coefficient a scene has one solution on its mesh, proved from the stiffness of contact points.
 
 Let v be the difference of two solutions with the same loads, and r that of the nodal contact forces, so that S v = -r
-with the condensed stiffness S.  At every point, with and without regularisation and in bilateral contact,
-
-    r_N v_N >= 0        and        r_T . v_T >= -F |r_N| |v_T|.
-
-With weights D, nu > 0 of normal and 1 of tangential components, and F |r_N| |v_T| <= F (d r_N^2 + v_T^2 / d) / 2,
-
-    v^T D S v <= F / 2 (sum d (S v)_N^2 + |v_T|^2 / d).
-
-So v = 0 if the symmetric part of D S minus the matrix on the right is positive definite.  Any weights give a proof;
-here nu and a factor of d make the largest such F as large as possible.  Tresca friction is F = 0: its shear stays in r.
-A bond holds its point.  docs/theory.md derives it.
+with the condensed stiffness S.  At every point r_N v_N >= 0 and r_T . v_T >= -F |r_N| |v_T|, with and without
+regularisation and in bilateral contact, from which the inequality of docs/theory.md follows for any weights nu and d.
+Here one nu and a factor of d make the largest F that it excludes as large as possible.  Tresca friction is F = 0: its
+shear stays in r.  A bond holds its point.
 """
 
 from __future__ import annotations

@@ -1,18 +1,11 @@
 """A guaranteed bound of the error of a displacement in the energy norm, for contact without or with Tresca friction.
 
-Let v be a displacement that keeps to its supports and does not enter foundations or other bodies, and tau a symmetric
-stress in equilibrium with the loads, with a pressure p >= 0 and a shear |mu| <= g on the contact boundary.  The squared
-distances of v and tau from the solution, in the norms of the energy and of the complementary energy, add up to at most
-
-    |C eps(v) - tau|^2 + 2 int p (d - v_n) + 2 int (g |v_t| - mu v_t),
-
-of which every part is local and not negative (W. Prager and J. L. Synge, Quart. Appl. Math. 5 (1947) 241-269; for
-contact the gap of the dual functionals, I. Ekeland and R. Temam, Convex Analysis and Variational Problems); between two
-bodies v_n and v_t are those of the jump, (B1) and (B2) of docs/theory.md.  v is the finite element solution without
-what it enters, w; with the solution itself in the first term only, the square of its error is at most the sum above
-plus that of |w|.  tau is the stress of least complementary energy of ``equilibrated_stress`` with tractions made of the
-nodal pressures, and with liftings of what it does not hold of loads and tractions, of which the norms are known.
-docs/theory.md lists what is assumed.  Of several ranks the first one bounds the whole.
+It is (B1) of docs/theory.md, the gap of the dual functionals (I. Ekeland and R. Temam, Convex Analysis and Variational
+Problems), of which every part is local and not negative, between two bodies with (B2).  v is the finite element
+solution without what it enters, w; with the solution itself in the first term only, the square of its error is at most
+the sum of (B1) plus that of |w|.  tau is the stress of least complementary energy of ``equilibrated_stress`` with
+tractions made of the nodal pressures, and with liftings of what it does not hold of loads and tractions, of which the
+norms are known.  docs/theory.md lists what is assumed.  Of several ranks the first one bounds the whole.
 
 Tractions are linear on facets, so that p >= 0 and |mu| <= g hold everywhere where they hold at the vertices: both sets
 are convex.  |v_t| is at most the quadratic with the sizes of the coefficients of Bernstein of v_t, for the same reason.

@@ -1,18 +1,9 @@
 """One adjoint solve: what a quantity of the solution owes to every residual force and to every change of the law.
 
-Data p enter the state (x, t) through
-
-    R(x, t; p) = A x - b + B^T (w t) = 0,    dt = D (d(B x) - dd) + c,
-
-with the linearised law.  For fixed sets that is affine: a change dx of the unknowns, dd of gap and origin, and c of the
-traction at a given displacement (by another friction coefficient, say) change the traction, with the blocks D of the
-Newton tangent.  For a quantity J(x, t) with J_t = w kappa the adjoint state solves
-
-    (A + B^T w D^T B) psi = J_x + B^T w D^T kappa,
-
-and with q = B psi - kappa, and all derivatives by p those for fixed x and t,
-
-    dJ/dp = J_p - psi . R_p - sum of w q . (D (B x - d)_p + c).
+Data p enter the state (x, t) through R(x, t; p) = A x - b + B^T (w t) = 0 and, for fixed sets, the affine law
+dt = D (d(B x) - dd) + c, with D the blocks of the Newton tangent, dd a change of gap and origin, and c of the traction
+at a given displacement.  docs/theory.md has the adjoint state psi of a quantity J(x, t) with J_t = w kappa, and its
+derivatives, with q = B psi - kappa; all derivatives by p are those for fixed x and t.
 
 Without regularisation the tied components, the normal one in contact and the tangential ones of stick, do not change at
 all, B dx = dd, and psi must not move them.  The multipliers chi of this condition are found with the same matrix, as
