@@ -31,7 +31,10 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
         MeshError: the file is not a mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
     """
     if scene.body:
-        _refuse_contact_sizes(scene)
+        made = (mesh.drawn if isinstance(mesh, MeshFile) else getattr(mesh, "origin", True) for mesh in scene.meshes)
+        if (sizes := contact_sizes(scene)) and not any(made):
+            reason = "all bodies have their cells already: give a drawing, or make those in contact shorter there"
+            raise SceneError([(sizes[0].path, reason)])
         scene = with_cells_alike(scene)
         return together(scene.body, partial(_load_one, scene), comm)
     return _load_one(scene, None, comm)
@@ -82,17 +85,6 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
             raise TypeError(f"no mesh: {source!r}")
     check_dimension(tagged, section=bool(scene.statement.kinematics.out_of_section))
     return tagged
-
-
-def _refuse_contact_sizes(scene: Scene) -> None:
-    """Refuse ``contact_size`` of a contact if gmsh neither may make the cells of any body nor has made them."""
-    for mesh in scene.meshes:
-        if isinstance(mesh, MeshGenerator) or (mesh.drawn if isinstance(mesh, MeshFile) else mesh.origin):
-            return
-    for index, contact in enumerate(scene.contact):
-        if contact.contact_size is not None:
-            reason = "all bodies have their cells already: give a drawing, or make those in contact shorter there"
-            raise SceneError([(f"contact[{index}].contact_size", reason)])
 
 
 def scene_on(scene: Scene, factor: float) -> Scene:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from signorini_fx.addons.bounds.contact_parts import SLAVE
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, Array, Ints
 from signorini_fx.quantities.proved_statements import Refused
@@ -73,23 +72,18 @@ def _separate(
         excess, unmoved = surface.excess(problem.relative(surface, y, middle)), y.copy()
         depth = excess[:, :d] if parts.by_facets else excess.max(axis=1, keepdims=True).repeat(d, axis=1)
         depth = np.where(at_vertices, depth, depth.clip(min=-tiny))
-        for side in parts.sides:
+        for side, moved in zip(parts.sides, (share, share - 1.0), strict=False):
             vertices = parts.vertices(t, side) if parts.by_facets else t.facets[parts.facet(side)]
-            y -= _step(surface, side, share) * _moved(vertices, depth + tiny, parts.normal, free[0])
+            y -= moved * _moved(vertices, depth + tiny, parts.normal, free[0])
         middle += (y - unmoved)[t.edges].mean(axis=1)
         if not parts.by_facets:
             continue
         depth = surface.excess(problem.relative(surface, y, middle))[:, d:]
         depth = np.where(at_edges, depth, depth.clip(min=-tiny)) + tiny
-        for side in parts.sides:
+        for side, moved in zip(parts.sides, (share, share - 1.0), strict=False):
             # Twice the middle of an edge is what its coefficient of Bernstein has of it.
             edges = parts.edges(t, side)
-            middle -= _step(surface, side, share) * _moved(edges, depth / 2, parts.normal, free[1])
-
-
-def _step(surface: FacetsInContact, side: int, share: float) -> float:
-    """What a side has of a change of the jump."""
-    return share if side == SLAVE else share - 1.0
+            middle -= moved * _moved(edges, depth / 2, parts.normal, free[1])
 
 
 def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
