@@ -223,13 +223,9 @@ class OuterRecord:
 
 @dataclass
 class Timings:
-    """Wall seconds by phase, on this rank; ``parallel.largest_timings`` reduces them.
+    """Wall seconds by phase, on this rank, of this run and of the one that it goes on from."""
 
-    Attributes:
-        seconds: of this run and of the one that it goes on from.
-    """
-
-    seconds: dict[str, float] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)  # ``parallel.largest_timings`` reduces them
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:

@@ -17,7 +17,6 @@ from signorini_fx.errors import InstallationError, ResultError
 from signorini_fx.extensions import QUANTITIES, load, names_of
 from signorini_fx.machine.result_files import read_csv, read_summary
 
-# It grows when a key goes or changes its meaning, not when one is added.
 SCHEMA_VERSION = 1
 
 

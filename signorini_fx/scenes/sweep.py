@@ -113,9 +113,8 @@ def row_of(value: Any, solution: Solution) -> dict[str, Any]:
     what sticks (in 2D lengths); not a number where there is no solution.  With several load steps also
     ``solved_until``, the time of the last one with a solution: where a ramp ends without one, its limit.
     """
-    # That of a nonlinear body is not known.
     energy = solution.last_step.strain_energy
-    figures = {"strain_energy": float("nan") if energy is None else energy}
+    figures = {"strain_energy": float("nan") if energy is None else energy}  # that of a nonlinear body is not known
     if solution.contact is not None:
         columns = solution.table.columns
         touching = columns["state"] != "open"
