@@ -14,7 +14,7 @@ from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.elasticity import NO_STRESS
-from signorini_fx.forms.given_forms import conditions_of, given_forms, settings_of
+from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -55,6 +55,11 @@ class ProblemOfForms:
         self.assembled.bcs = bcs
 
     @property
+    def contact(self) -> tuple[Foundation | Pair, ...]:
+        """The foundations and pairs."""
+        return self.assembled.contact
+
+    @property
     def status(self) -> Status | None:
         """How the last solve ended; None before the first one, and after an error."""
         return self._ended.status
@@ -77,11 +82,7 @@ class ProblemOfForms:
         return self.assembled.state
 
     def titled(self, title: str) -> Solution:
-        """``solution`` with a title; collective.
-
-        Raises:
-            RuntimeError: there is none so far.
-        """
+        """``solution`` with a title; collective."""
         raise NotImplementedError
 
     @property
@@ -232,18 +233,11 @@ class ContactProblem(ProblemOfForms):
             jit_options=jit_options,
         )
         options_of_petsc = petsc_options_prefix, dict(petsc_options or {})
-        self.assembled = self._ended = FormSolver(
-            forms, self.u, conditions_of(bcs, forms.space), settings_of(settings), options_of_petsc
-        )
+        self.assembled = self._ended = FormSolver(forms, self.u, bcs, settings, options_of_petsc)
         fields = self.assembled.fields
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         self._stresses: tuple[Outcome | None, RawStresses] | None = None  # of the last solution that was asked for them
         self._ran: StepProgress | None = None  # the last ``run``, until the next solve
-
-    @property
-    def contact(self) -> tuple[Foundation | Pair, ...]:
-        """The foundations and pairs."""
-        return self.assembled.forms.contact
 
     @property
     def tools(self) -> tuple[RigidBodyMotion, ...]:

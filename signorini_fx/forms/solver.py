@@ -23,7 +23,7 @@ from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, natural_modulus, scales_of
-from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts
+from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts, settings_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
@@ -38,7 +38,6 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
-from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep
@@ -101,12 +100,13 @@ class FormSolver:
         self,
         forms: GivenForms,
         u: fem.Function,
-        bcs: Sequence[fem.DirichletBC],
-        settings: SolverSettings,
+        bcs: Any,
+        settings: dict[str, Any],
         petsc_options: tuple[str, Mapping[str, Any]],
     ) -> None:
-        self.forms, self.u, self.bcs, self.settings, self.options = forms, u, bcs, settings, petsc_options
         space = self.space = forms.space
+        self.forms, self.u, self.options = forms, u, petsc_options
+        self.bcs, self.settings = conditions_of(bcs, space), settings_of(settings)
         names = [f"contact {number}" for number in range(len(forms.contact))]
         self.foundations = self._foundations_class(space, forms.contact, forms.facets, names, forms.masters)
         self.foundations.check_driven()

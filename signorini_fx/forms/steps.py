@@ -25,15 +25,6 @@ from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_ste
 Clock = Callable[[float], object]  # changes a problem to what it is at a time
 
 
-def _clock_of(at: Clock | fem.Constant) -> Clock:
-    """The function of the time that users give, or that gives their Constant the time as its value."""
-    if isinstance(at, fem.Constant) and at.value.ndim == 0:
-        return lambda time: setattr(at, "value", time)
-    if isinstance(at, fem.Constant) or not callable(at):
-        raise FormError([("at", f"must be a function of the time or a Constant with one value, not {kind_of(at)}")])
-    return at
-
-
 @dataclass(frozen=True)
 class FormSteps(SteppedBody):
     """The body of a ``ContactProblem``, whose forms are those of the places of a path, and whose solver is always at
@@ -114,7 +105,14 @@ def begun_path(
 
     Values of Constants are not compared with those of a checkpoint: certificates judge what is taken from it.
     """
-    clock, path = _clock_of(at), path if isinstance(path, LoadPath) else LoadPath(tuple(path))
+    path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
+    clock: Clock
+    if isinstance(at, fem.Constant) and at.value.ndim == 0:
+        clock = partial(setattr, at, "value")
+    elif isinstance(at, fem.Constant) or not callable(at):
+        raise FormError([("at", f"must be a function of the time or a Constant with one value, not {kind_of(at)}")])
+    else:
+        clock = at
     if folder is None:
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])

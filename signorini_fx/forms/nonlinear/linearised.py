@@ -27,7 +27,7 @@ from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
-from signorini_fx.forms.given_forms import conditions_of, given_forms, settings_of
+from signorini_fx.forms.given_forms import conditions_of, given_forms
 from signorini_fx.forms.nonlinear.moving_shapes import (
     MovingShape,
     MovingTools,
@@ -246,13 +246,8 @@ class LinearisedProblem(FormSolver):
         at = self.at = evaluated.u
         increment, self._foundations_class = fem.Function(at.function_space), partial(MovingFoundations, at=at)
         forms, increment = given_forms(tangents.leading, evaluated.form, contact, increment, boundaries=boundaries)
-        super().__init__(
-            replace(forms, original=(tangents.bilinear, evaluated.form)),
-            increment,
-            conditions_of(bcs, forms.space),
-            settings_of(settings),
-            options,
-        )
+        forms = replace(forms, original=(tangents.bilinear, evaluated.form))
+        super().__init__(forms, increment, bcs, settings, options)
         self._evaluated, self.extent = evaluated, diameter_of(at.function_space.mesh)
         self._straighten()
 
@@ -431,11 +426,6 @@ class LinearisedProblem(FormSolver):
         self._near: npt.NDArray[np.bool_] | None = None
         self._last_values: Array | None = None  # of the displacement in the last iteration
 
-    @property
-    def can_keep_stiffness(self) -> bool:
-        """Whether another solve may have the stiffness of the last one: it has no unknowns of rigid bodies."""
-        return not self.rigid.bodies and self.relative is None and self.set_up
-
     def solve(self, *, keeps_stiffness: bool = False) -> None:
         """Solve it, with the stiffness of the last solve if ``keeps_stiffness`` and that has a solution; a tangent that
         Cholesky's factorisation refuses is factorised as LDL^T; collective.
@@ -612,12 +602,6 @@ class LinearisedProblem(FormSolver):
         if (residual := self._evaluated.at(self.at.x.array.copy())) is None:
             raise FormError([("F", "is not finite beside the solution")])
         return [], -residual
-
-    def accept(self, outcome: Outcome) -> None:
-        """Take an outcome of an earlier run for that of the contact problem of now; collective."""
-        origin = outcome.data.slip_origin
-        self.begun = replace(self.begun, data=replace(self.begun.data, slip_origin=origin))
-        self.show(outcome, None)
 
     @property
     def loose(self) -> list[int]:

@@ -198,7 +198,9 @@ class Continuation(Stepping[StepResult]):
                 outcome = checkpoint.recall(linear.elastic, linear.scales.size, linear.task, start)
         if outcome is None:
             return False
-        linear.accept(outcome)
+        data = replace(linear.begun.data, slip_origin=outcome.data.slip_origin)
+        linear.begun = replace(linear.begun, data=data)
+        linear.show(outcome, None)
         linear.foundations.carry_to(at_solution)
         residual.u.x.array[:] = solution.x.array
         return True

@@ -192,37 +192,28 @@ def left_by_turning(boundary: ContactBoundary, hessians: Array, way: Array, slip
 
 def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> Shape:
     """The shape of a foundation, if it can meet a nonlinear body; ``turns``: whether forces may turn it: not where the
-    contact has a measure, or points that average.
+    contact has a measure, or points that average.  In 3D components of rotation vectors add up about one axis alone.
 
     Raises:
         FormError: it cannot.
     """
+    path = f"contact[{number}].shape"
     if not isinstance(shape, Shape):
         cure = "derive its class from Shape of signorini_fx.mechanics.statement.rigid_shape"
-        raise FormError([(f"contact[{number}].shape", f"{type(shape).__name__} meets a nonlinear body: {cure}")])
-    if wrong := not_driven(shape, dimension, turns=turns):
-        raise FormError([(f"contact[{number}].shape.{wrong[0]}", wrong[1])])
-    return shape
-
-
-def not_driven(shape: Shape, dimension: int, *, turns: bool = True) -> tuple[str, str] | None:
-    """What of a shape that forces move is not possible, and why; None: nothing.
-
-    In 3D components of rotation vectors add up about one axis alone.
-    """
-    rotations = COMPONENTS[dimension][dimension:]
+        raise FormError([(path, f"{type(shape).__name__} meets a nonlinear body: {cure}")])
+    rotations = COMPONENTS[dimension][dimension:] if shape.drives else ()
     values = {key: shape.prescribes(key) for key in rotations}
-    cure = ", ".join(f"{key} = 0" for key in rotations)
-    if not shape.drives:
-        return None
     if not turns and any(value != 0.0 for value in values.values()):
-        return "prescribed", f"a tool that forces turn is not possible yet with these contact points: prescribe {cure}"
+        cure = ", ".join(f"{key} = 0" for key in rotations)
+        reason = f"a tool that forces turn is not possible yet with these contact points: prescribe {cure}"
+        raise FormError([(f"{path}.prescribed", reason)])
     free, wrong = [key for key in rotations if values[key] is None], [key for key in rotations if values[key]]
     if len(free) > 1 or (free and wrong):
         others = " and ".join(f"{key} = 0" for key in rotations if key != free[0])
         reason = "a tool that forces turn about more than one axis is not possible yet with a nonlinear body"
-        return "prescribed", f"{reason}: prescribe {others}, or all of {', '.join(rotations)}"
-    return None
+        cure = f"prescribe {others}, or all of {', '.join(rotations)}"
+        raise FormError([(f"{path}.prescribed", f"{reason}: {cure}")])
+    return shape
 
 
 def turned_further(initial: float | tuple[float, ...], turn: Array, near: float | tuple[float, ...]) -> Any:

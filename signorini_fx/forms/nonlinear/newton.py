@@ -250,7 +250,8 @@ class EquilibriumSolver(Stability):
             if residual is None:
                 return Status.INVERTED
             linear.slide()
-            keeps = keeps and linear.can_keep_stiffness
+            # Rigid bodies have unknowns in the stiffness.
+            keeps = keeps and not linear.rigid.bodies and linear.relative is None and linear.set_up
             if not keeps:
                 linear.bend()
             linear.residual = residual

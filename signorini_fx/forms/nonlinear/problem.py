@@ -128,7 +128,6 @@ class NonlinearContactProblem(ProblemOfForms):
 
     Attributes:
         u: the solution.
-        contact: the foundations and pairs.
         pressure, shear, gap, slip: see ``ContactFields``.
         solution: the last solution with all that results are made of; after ``run`` with all of its steps.  Where the
             first one has no solution it is the body as it was before, under the load of this step, and converged it is
@@ -164,7 +163,7 @@ class NonlinearContactProblem(ProblemOfForms):
         **settings: Any,
     ) -> None:
         self._F, self.u = F, u
-        self.contact = checked(F, u, J, foundations_of(contact))
+        contact = checked(F, u, J, foundations_of(contact))
         options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
         tangents = Tangents(F, J, u, options)
         with compiling():
@@ -174,7 +173,7 @@ class NonlinearContactProblem(ProblemOfForms):
             tangents,
             residual,
             bcs,
-            self.contact,
+            contact,
             (petsc_options_prefix, dict(petsc_options or {})),
             boundaries,
             **settings,
