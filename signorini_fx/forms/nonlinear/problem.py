@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,23 +18,30 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.contact_problem import ProblemOfForms
-from signorini_fx.forms.given_forms import foundations_of, space_of, supported
+from signorini_fx.forms.given_forms import foundations_of, model_of, named_parts, space_of, supported
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
-from signorini_fx.forms.nonlinear.results import ResidualMechanics, lost_digits, slid_past_partners, stress_error
+from signorini_fx.forms.nonlinear.results import (
+    ResidualBody,
+    ResidualMechanics,
+    lost_digits,
+    slid_past_partners,
+    stress_error,
+)
 from signorini_fx.forms.steps import begun_path
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
-from signorini_fx.mechanics.statement.load_path import LoadPath
+from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.differentiable import Gradient
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
+from signorini_fx.solving.solve_on_mesh import contact_solution
 
 # Iterations of Newton's method, unless it is said otherwise.
 MOST_ITERATIONS = 30
@@ -193,7 +201,13 @@ class NonlinearContactProblem(ProblemOfForms):
         solved = self._solver.solved
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
-        ends = self._ends if solved.step.status is Status.CONVERGED else [(solved.step, solved.mechanics)]
+        end, linear = (solved.step, solved.mechanics), solved.linear
+        run = self._ends if end[0].status is Status.CONVERGED else [end]
+        ends = run or [end]
+        steps, path = [step for step, _ in ends], counted_path(end[0].step - 1)
+        if run:  # else the loop is the user's own
+            names = tuple(step.name for step in steps)
+            path = LoadPath(tuple(step.time for step in steps), names if any(names) else ())
 
         def error() -> npt.NDArray[np.float64] | str:
             """Of the body as it is now."""
@@ -201,8 +215,14 @@ class NonlinearContactProblem(ProblemOfForms):
                 return "there is no estimate of the error of an earlier solve"
             return stress_error(self._F, self.u, self._parts)
 
-        ended = self.status or Status.CONVERGED, self.findings
-        return solved.solution(ends, ended, self._solver.timings, title, error)
+        assert linear.outcome is not None
+        named = named_parts(linear.forms, linear.elastic.settings, ("F",))
+        model = model_of(linear.elastic, named, path, title, linear.begun.law, {}, linear.rigid)
+        body = ResidualBody.of(model, ends=ends, boundaries=linear.forms.boundaries, stress_error=error)
+        ended, found = (linear.outcome, linear.outcome.problem.data), self.findings
+        solution = contact_solution(body, steps, linear.task, ended, self._solver.timings, lambda: found)
+        status, algorithm = self.status or Status.CONVERGED, f"newton, {solution.algorithm}"
+        return replace(solution, status=status, algorithm=algorithm)
 
     def _errors_in_body(self) -> tuple[Any, ...]:
         solution = self.solution

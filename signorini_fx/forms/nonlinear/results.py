@@ -31,7 +31,7 @@ from ufl.corealg.multifunction import MultiFunction
 
 from signorini_fx.algebra import Settings
 from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
-from signorini_fx.forms.given_forms import Facets, conditions_of, model_of, named_parts
+from signorini_fx.forms.given_forms import Facets, conditions_of
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
@@ -39,8 +39,8 @@ from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
-from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
-from signorini_fx.records import Finding, Status, Timings
+from signorini_fx.mechanics.statement.load_path import counted_path
+from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.body_nodes import BodyNodes
 from signorini_fx.results.certificate.certificate import Certificate, judged
@@ -50,9 +50,7 @@ from signorini_fx.results.certificate.law_of_method import Law, Tractions
 from signorini_fx.results.certificate.pair_points import PairPoints
 from signorini_fx.results.mechanics import SolidBody, StepResult
 from signorini_fx.results.resultants import ActingForces
-from signorini_fx.results.solution import Solution
 from signorini_fx.results.stresses import RawStresses
-from signorini_fx.solving.solve_on_mesh import contact_solution
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FACETS_OF_KEPT_PARTNERS
 
 Array = npt.NDArray[np.float64]
@@ -209,31 +207,6 @@ class SolvedBody:
             tools=linear.foundations.rigid_bodies.motions,
         )
         return cls(solved, mechanics, step)
-
-    def solution(
-        self,
-        ends: Sequence[tuple[StepResult, ResidualMechanics]],
-        ended: tuple[Status, tuple[Finding, ...]],
-        timings: Timings,
-        title: str,
-        error: Callable[[], Array | str],
-    ) -> Solution:
-        """It with all that results are made of; ``ends``: the load steps of a run, with what the residual says of them;
-        none: the loop is the user's own; ``ended``: how the last solve or run has ended, and findings; ``error``: see
-        ``ResidualBody``; collective.
-        """
-        steps = [step for step, _ in ends]
-        names = tuple(step.name for step in steps) if any(step.name for step in steps) else ()
-        path = LoadPath(tuple(step.time for step in steps), names) if steps else counted_path(self.step.step - 1)
-        linear = self.linear
-        assert linear.outcome is not None
-        named = named_parts(linear.forms, linear.elastic.settings, ("F",))
-        model = model_of(linear.elastic, named, path, title, linear.begun.law, {}, linear.rigid)
-        ends = tuple(ends) or ((self.step, self.mechanics),)
-        body = ResidualBody.of(model, ends=ends, boundaries=linear.forms.boundaries, stress_error=error)
-        (status, found), outcome = ended, (linear.outcome, linear.outcome.problem.data)
-        solution = contact_solution(body, steps or (self.step,), linear.task, outcome, timings, lambda: found)
-        return replace(solution, status=status, algorithm=f"newton, {solution.algorithm}")
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Finding]:
