@@ -48,9 +48,7 @@ NO_STRESS = "only the form knows the stresses: give stress=, a function of the d
 
 
 def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> tuple[int, ...]:
-    """A fingerprint of what a form is assembled from on this rank (constants, coefficients, positions of the mesh), and
-    of other arrays: hashes of 64 bits with the key of this process, in an eighth of the time of a cryptographic one.
-    """
+    """Hashes, by the key of this process, of what a form is assembled from on this rank, and of other arrays."""
     return tuple(hash(values.tobytes()) for values in (*compat.form_data(form), form.mesh.geometry.x, *arrays))
 
 
@@ -63,9 +61,7 @@ def elastic_body(
     settings: SolverSettings,
     **more: Any,
 ) -> ElasticBody:
-    """The elastic body of a user's form, assembled, see ``ElasticBody``; with a stiffness that is ``of_body`` nothing
-    is; collective.
-    """
+    """The elastic body of a user's form, assembled unless ``more`` has that, see ``ElasticBody``; collective."""
     body = ElasticBody(
         space=space,
         terms=lambda: (a,),
@@ -99,11 +95,8 @@ class MatrixError(FormError):
 
 
 def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmetric: bool = True) -> None:
-    """Whether a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each basis function z of the ``owned``
-    unknowns of the body; collective.
-
-    Raises:
-        MatrixError: the form is not symmetric, not positive, or not finite.
+    """Raise a MatrixError unless a(x, y) = a(y, x) for two random vectors, and a(z, z) > 0 for each basis function z of
+    the ``owned`` unknowns of the body; collective.
     """
     x, y = matrix.createVecs()
     generator = np.random.default_rng(matrix.comm.rank)
@@ -133,11 +126,9 @@ def scales_of(
 ) -> Scales:
     """Size of a body, and its modulus, the scale of gamma; collective.
 
-    Where the modulus is not known it is that of the stiffness near the contact points; without contact that of the
-    whole body, from a geometric mean of what nodes meet that move alone, about E h^(d - 2).
-
-    A point that moves alone strains the cells around it, which are of the size l along the boundary and h across it:
-    per area it meets about E (1 / h + h / l^2).
+    Where it is not known: without contact it is a geometric mean of what nodes meet that move alone, E h^(d - 2); else
+    that of the stiffness near the contact points.  A point that moves alone strains cells, of the size l along
+    the boundary and h across it: per area it meets about E (1 / h + h / l^2).
     """
     if modulus is not None:
         return Scales(body.space.mesh.topology.dim, modulus, size)
@@ -245,9 +236,8 @@ class FormBody(SolidBody):
 
 
 def loads_of(forms: GivenForms, tagged: TaggedMesh, y: fem.Function) -> Iterator[NamedForces]:
-    """The loads of UFL forms, and what resists the displacement on the boundary, see ``ActingForces``; of compiled
-    forms nothing is known.  A load belongs to each part of the boundary that holds all facets of its integral;
-    collective.
+    """The loads of UFL forms, and what resists the displacement on the boundary, see ``ActingForces``: each belongs to
+    the parts of the boundary that hold all facets of its integral; collective.
     """
     comm, dim = forms.mesh.comm, forms.mesh.geometry.dim
     nodes = np.arange(y.x.array.size // dim, dtype=np.int32)
@@ -298,9 +288,7 @@ def acting_on(
 
 
 def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Array, space: fem.FunctionSpace) -> PrescribedNodes:
-    """What is prescribed component by component, as certificates take it: which dofs of this rank, ghosts included, and
-    to what, shapes (dofs,).
-    """
+    """As certificates take it: which dofs of this rank, with ghosts, are prescribed, and to what, shapes (dofs,)."""
     dim, owned = space.mesh.geometry.dim, space.dofmap.index_map.size_local
     here = fixed.reshape(-1, dim)[:owned]
     return PrescribedNodes(here, values.reshape(-1, dim)[:owned], np.where(here, 0, -1))
@@ -378,9 +366,7 @@ def _energy_by(law: Law, at_rest: Any) -> Callable[[Any, Any], Any]:
 def isotropic_moduli(
     moduli: npt.NDArray[np.float64], dim: int, mesh: dmesh.Mesh
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
-    """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell of some rank is not isotropic;
-    collective.
-    """
+    """Both parameters of Lame in each cell from ``cellwise_moduli``; None: some cell is not isotropic; collective."""
     mu, lame = moduli[:, -1, -1], moduli[:, 0, 1]
     isotropic = np.zeros_like(moduli)
     isotropic[:, :dim, :dim] = lame[:, None, None]
@@ -433,10 +419,8 @@ def _by_quadrature(expression: Any) -> bool:
 
 
 def residual_of(stress: ElementStress, forms: GivenForms, fixed: npt.NDArray[np.bool_], z: Any) -> Any:
-    """The squared residual of the traction that UFL forms prescribe, see ``squared_residual``; ``z``: a test function,
-    constant in each cell; collective.
-
-    It is known off the contact in the components that are not prescribed.
+    """The squared residual of the traction that UFL forms prescribe, off the contact and in components that are not
+    prescribed, see ``squared_residual``; ``z``: a test function, constant in each cell; collective.
     """
     from signorini_fx.results.accuracy.stress_recovery import squared_residual
 

@@ -350,9 +350,7 @@ def facets_of(contact: Sequence[Foundation | Pair], mesh: dmesh.Mesh) -> tuple[l
 
 
 def parts_of(materials: Any, mesh: dmesh.Mesh) -> list[npt.NDArray[np.int32]]:
-    """The cells of each material, local numbers, ghosts included, from tags on all of them; None: there is one
-    material; collective.
-    """
+    """The cells of each material, with ghosts, from tags on all of them; None: there is one material; collective."""
     dim, error = mesh.topology.dim, None
     cells = mesh.topology.index_map(dim)
     all_cells = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)

@@ -51,17 +51,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StepBeginning:
-    """Where a step of a ``ContactProblem`` begins, whatever is tried from there.
-
-    Attributes:
-        previous: ``last`` as the certificate sees it from there.
-        settled: the shapes of foundations as they were at the end of the last step.
-    """
+    """Where a step of a ``ContactProblem`` begins, whatever is tried from there."""
 
     last: StepEnd | None
-    previous: PreviousStep | None
+    previous: PreviousStep | None  # ``last`` as the certificate sees it from there
     solution: LastSolution | None
-    settled: dict[int, Any]
+    settled: dict[int, Any]  # the shapes of foundations at the end of the last step
 
 
 class FormSolver:
@@ -135,15 +130,11 @@ class FormSolver:
 
     @property
     def set_up(self) -> bool:
-        """Whether everything is assembled."""
+        """Whether all is assembled."""
         return self._last_pattern is not None
 
     def attempt(self) -> str:
-        """Solve with the values that constants, Functions and conditions have now; collective.
-
-        Returns:
-            Why there is no solution, and what to do; "": there is one.
-        """
+        """Solve with the values of now; why there is no solution, and what to do, "": there is one; collective."""
         solves_before, self.timings = len(self.history.iterations), Timings()
         with options_applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
@@ -285,9 +276,7 @@ class FormSolver:
         return data
 
     def points(self, shapes: Sequence[ShapeDistances], fixed: npt.NDArray[np.bool_], values: Array) -> ContactBoundary:
-        """The contact points; ``fixed``: which dofs of this rank are prescribed, and to what, shapes (dofs,);
-        collective.
-        """
+        """The contact points; ``fixed``, ``values``: what is ``prescribed``; collective."""
         owned = self.space.dofmap.index_map.size_local * self.space.dofmap.index_map_bs
         at_rest = self.foundations.at_rest(fixed, values)
         return self.foundations.rigid_bodies.on(self.foundations.boundary(shapes, fixed[:owned], at_rest=at_rest))
@@ -342,9 +331,7 @@ class FormSolver:
         return problem
 
     def model(self, path: LoadPath | None = None, title: str = "") -> FormBody:
-        """The body as the forms are now, with what is known of it by name; without a path the load steps are those of a
-        loop of the user's own so far; collective.
-        """
+        """The body as the forms are now; without a path its load steps are those of the user's own loop; collective."""
         if self._named is None:
             self._named = named_parts(self.forms, self.settings)
         path, contact = path or counted_path(self.begun.step), (self.begun.law, self.foundations.pairs, self.rigid)
@@ -356,9 +343,7 @@ class FormSolver:
         return self._point_data(self.foundations.shapes())[1]
 
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
-        """The problem with the values that Constants have now, as derivatives take it; ``solved``: a problem of the
-        same body that has the solution, else this one; collective.
-        """
+        """The problem of now as derivatives take it; ``solved``: one of the same body with the solution; collective."""
         solved = self if solved is None else solved
         shapes, fixed, boundary = self.foundations.shapes(), solved.elastic.fixed, solved.boundary
         if any(shape.factor is not None or shape.direction is not None for shape in shapes):

@@ -27,9 +27,7 @@ Clock = Callable[[float], object]  # changes a problem to what it is at a time
 
 @dataclass(frozen=True)
 class FormSteps(SteppedBody):
-    """The body of a ``ContactProblem``, whose forms are those of the places of a path, and whose solver is always at
-    the last attempt.
-    """
+    """The body of a ``ContactProblem``, whose solver is always at the last attempt."""
 
     solver: FormSolver
     clock: Clock
@@ -77,9 +75,7 @@ def solve_path(
 
 
 def solution_of(solver: FormSolver, progress: StepProgress | None, title: str) -> Solution:
-    """The last solution, or the last iterate, with the values that the forms have now; of a run its load steps;
-    collective.
-    """
+    """The last solution, or iterate, with the values that the forms have now; of a run its load steps; collective."""
     if solver.outcome is None or solver.result is None:
         raise RuntimeError("there is no solution so far: call solve()")
     path, steps, ended = None, [solver.result], (solver.outcome, solver.outcome.problem.data)

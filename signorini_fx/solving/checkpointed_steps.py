@@ -51,9 +51,7 @@ class MeshCheckpoint(Checkpoint):
         more: Figures,
         beside: Mapping[str, fem.Function] | None = None,
     ) -> None:
-        """Store a load step that has a solution; ``marks``: numbers of linear solves, regularised problems and events
-        before it; ``more``: plain data, the way through the load steps after it among them.
-        """
+        """Store a load step that has a solution; ``marks``: see ``load_steps``; ``more``: plain data, and its path."""
         problem, history = outcome.problem, task.history
         boundary = body.boundary or no_points(body.space)
         tangents, cotangents, sets = boundary.tangents, boundary.cotangents, problem.sets
@@ -143,9 +141,7 @@ def open_checkpoint(
     *,
     restart: bool,
 ) -> MeshCheckpoint:
-    """The checkpoint of a run on its first mesh, and in its history what there is to go on from; arguments as of
-    ``Checkpoint``; collective.
-    """
+    """The ``Checkpoint`` of a run on its first mesh, and in its history what there is to go on from; collective."""
     stored = MeshCheckpoint(comm, folder, scene, restart=restart)
     if restart:
         steps = "1 complete load step" if stored.found == 1 else f"{stored.found} complete load steps"

@@ -58,9 +58,7 @@ def scene_findings(body: Model) -> Iterator[Finding]:
 
 
 def nonlinear_findings(statement: Statement, body: Model) -> Iterator[Finding]:
-    """Findings about a scene with nonlinear materials and its mesh; collective, the same on every rank; ``body``: the
-    linear one that it is at small strains.
-    """
+    """Findings about a scene with nonlinear materials and its mesh, as of its body at small strains; collective."""
     from signorini_fx.mechanics.body.nonlinear_law import volume_degree
 
     yield from _incomplete(statement)
@@ -216,10 +214,7 @@ def _largest_loads(body: Model) -> tuple[float, float]:
 
 
 def equilibrium(body: Model) -> Iterator[Finding]:
-    """Motions without strain that the supports leave free: whether contact can resist them, and balance the loads.
-
-    Each assembly of pieces is checked separately.
-    """
+    """Whether contact can resist motions that supports leave free, and balance the loads, assembly by assembly."""
     motions, boundary, data = body.motions, body.boundary, body.data
     if motions.free.shape[1] == 0:
         return
@@ -284,10 +279,7 @@ def _provided(body: Model) -> str:
 
 def pushed_nodes(steps: Sequence[ContactState | None], size: float) -> list[Finding]:
     """One finding for each contact with nodes that supports hold inside the foundation, from the load step where one
-    lies deepest; ``size``: of the body, length; collective.
-
-    No contact pressure keeps such a node outside: the supports take whatever it would be, and the node transmits
-    nothing in contact (``complementarity.trial_pressure``).
+    lies deepest; ``size``: of the body, length; collective.  Such nodes transmit nothing, see ``trial_pressure``.
     """
     deepest: dict[int, tuple[float, str]] = {}
     for contact in steps:
@@ -320,8 +312,7 @@ def _message(rows: Array, depth: float, size: float) -> str:
 
 
 def facets_in_result(body: Model, contact: ContactState) -> Iterator[Finding]:
-    """Contacts of two bodies whose pressure is that of the distances between the chords of their curved sides;
-    collective.
+    """Contacts of two bodies whose pressure is that of distances between chords of their curved sides; collective.
 
     The slopes of both sides differ by the angles between facets; slope times modulus is a pressure.
     """
@@ -409,9 +400,7 @@ def untouched(comm: MPI.Comm, steps: Sequence[StepResult]) -> Iterator[Finding]:
 
 
 def explained(body: Model, task: Task, outcome: Outcome, when: str) -> Finding | None:
-    """Which bodies lie loose where contact opens without a load that opens it; ``when``: the name of the load step with
-    a colon, or ""; None: it is another outcome; collective.
-    """
+    """Which bodies lie loose where contact opens without a load that opens it, named by ``when``; None: none."""
     if outcome.status is not Status.OPEN:
         return None
     loose = task.idle
@@ -438,9 +427,7 @@ def loose_in(body: ElasticBody, step: StepResult) -> list[int]:
 def loose_at_rest(
     body: ElasticBody, steps: Sequence[StepResult], path: str, names: tuple[str, ...] = ()
 ) -> Iterator[Finding]:
-    """Load steps that leave what the supports do not hold near to where it was, as nothing presses on it; ``names``: of
-    the bodies that its pieces are, if the pieces have none; collective.
-    """
+    """Load steps that leave what nothing presses on where it was; ``names``: of bodies if pieces have none."""
     loose = {step.step: numbers for step in steps if (numbers := loose_in(body, step))}
     if len(steps) == 1 or not loose:
         return

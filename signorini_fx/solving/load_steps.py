@@ -46,18 +46,14 @@ Marks = tuple[int, int, int]  # numbers of linear solves, regularised problems a
 
 @dataclass(frozen=True)
 class SteppedBody:
-    """A body that load steps lead through, at the present one; places are those of ``statement.load_path``; all methods
-    are collective.
-    """
+    """A body that load steps lead through, at the present one; all methods are collective."""
 
     model: SolidBody
     path: LoadPath
     timings: Timings
 
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
-        """The load step that begins at a place, with foundations and friction as they are there: after the end of the
-        last one, whose task this is, or as the first one.
-        """
+        """The load step that begins at a place, after the ``end`` of the last one, which had ``task``, or as first."""
         raise NotImplementedError
 
     def show(self, outcome: Outcome, result: StepResult) -> None:
@@ -70,9 +66,7 @@ class SteppedBody:
 
 @dataclass(frozen=True)
 class BegunStep:
-    """A load step that begins, with foundations where they are in it; ``last``: the end of the one before it; all
-    methods are collective.
-    """
+    """A load step that begins, with foundations where they are in it; ``last``: the end of the one before it."""
 
     body: SteppedBody
     task: Task
@@ -80,7 +74,7 @@ class BegunStep:
     last: PreviousStep | None
 
     def certified(self, outcome: Outcome) -> LoadStep:
-        """The step with its result and the certificate's verdict; recorded linear solves are not counted yet."""
+        """The step with its result, without its linear solves, and the certificate's verdict; collective."""
         body, task, start = self.body, self.task, self.start
         model, path = body.model, body.path
         with body.timings.phase("certify"):
@@ -237,12 +231,9 @@ class Increments(PathIncrements):
     Without a ramp every time is a load step, and one without a solution ends the way.  In a ramp its increment is
     halved, until the load is enclosed between one with and one without a solution.  The linear solves of the last load
     step set how many an attempt without one may take.
-
-    Attributes:
-        easy: how many of the last load steps with a solution were easy.
-        last: linear solves of the last one.
     """
 
+    # ``easy``: how many of the last load steps with a solution were easy; ``last``: linear solves of the last one.
     stored_names = (*PathIncrements.stored_names, "easy", "last")
 
     def __init__(self, path: LoadPath, settings: SolverSettings) -> None:
@@ -271,9 +262,7 @@ class Increments(PathIncrements):
         return FAILED_STEP * before_smaller if self._encloses else before_smaller
 
     def bracket(self, status: Status) -> str | None:
-        """Between which loads a ramp has ended whose last load step has this status; None where no ramp or no load is
-        the reason.
-        """
+        """Between which loads a ramp has ended with this status; None where no ramp or no load is the reason."""
         if self._is_final(status):
             return None
         nothing = self.reached == (-1.0 if self.path.from_nothing else 0.0)
@@ -298,9 +287,7 @@ class Increments(PathIncrements):
             self.increment, self.easy = 2 * self.increment, 0
 
     def shorten(self, status: Status) -> bool:
-        """Halve the increment, because the next load step ended with ``status``; whether a smaller one may be tried:
-        not where the load is enclosed.
-        """
+        """Halve the increment, as the next load step ended with ``status``; whether a smaller one may be tried."""
         if self._is_final(status) or self._encloses:
             return False
         self.halve()
@@ -310,27 +297,16 @@ class Increments(PathIncrements):
 
 @dataclass
 class StepProgress(Stepping[LoadStep]):
-    """How far the load steps have come.
+    """How far the load steps have come."""
 
-    Attributes:
-        body: at the end of the last one.
-        task: its contact problem.
-        first: where the first one starts; without contact the next one, with nothing of the last one.
-        path: where they are on their path.
-        end: that of the last one; None: there is none, or no contact.
-        results: of all of them.
-        ended: how the last one with a solution ended, or the first one, and its data; None: there is none.
-        failed: whether the last one has none.
-    """
-
-    body: SteppedBody
-    task: Task
-    first: Start
+    body: SteppedBody  # at the end of the last one
+    task: Task  # its contact problem
+    first: Start  # of the first one; without contact of the next one, with nothing of the last one
     path: Increments
-    end: StepEnd | None = None
+    end: StepEnd | None = None  # of the last one; None: there is none, or no contact
     results: list[StepResult] = field(default_factory=list)
-    ended: tuple[Outcome, RegularisedData] | None = None
-    failed: bool = False
+    ended: tuple[Outcome, RegularisedData] | None = None  # of the last one with a solution, or the first one
+    failed: bool = False  # the last one has no solution
 
     @property
     def history(self) -> History:  # type: ignore[override]
@@ -347,7 +323,6 @@ class StepProgress(Stepping[LoadStep]):
         return self.path.ended or self.failed
 
     def _take(self, step: LoadStep) -> None:
-        """Add the result of a load step."""
         self.body, self.task, self.failed = step.body, step.task, step.result.status is not Status.CONVERGED
         self.results.append(step.result)
         if not self.failed or self.ended is None:

@@ -44,9 +44,7 @@ OF_THE_BODY = (Status.NOT_HELD, Status.OPEN, Status.TIPS, Status.SLIDES, Status.
 
 @dataclass(frozen=True)
 class SolvedMesh:
-    """A problem on one mesh, of a nonlinear body without a task; of a solution that is none, or has no estimate, the
-    rest is None.
-    """
+    """A problem on one mesh, of a nonlinear body without a task; without a solution or estimate the rest is None."""
 
     solution: Solution
     tagged: TaggedMesh
@@ -119,9 +117,7 @@ class MeshedProblem(ABC):
         """The same on a mesh that is made anew, with cells so many times as small as those of the first one."""
 
     def remade(self, last: TaggedMesh, lengths: npt.NDArray[np.float64], finer: float) -> tuple[Self, int]:
-        """The same on cells of these lengths that gmsh makes anew, at most ``finer`` times finer than the last mesh,
-        and how many there are; collective.
-        """
+        """The same on cells of these lengths made by gmsh, at most ``finer`` times finer, and how many; collective."""
         raise NotImplementedError
 
     def keeping(self, solved: SolvedMesh) -> Self:

@@ -55,9 +55,7 @@ def solve_mesh(
     coarser: MeshLevel | None = None,
     kept: MeshCheckpoint | None = None,
 ) -> tuple[Solution, Task, Outcome]:
-    """Solve on one mesh, starting from the contact state of a coarser one if there is one, with it as a level of
-    multigrid; ``load`` gives the mesh, and ``on_step`` is called after each load step.
-    """
+    """Solve on the mesh that ``load`` gives, from the ``state`` of a ``coarser`` one, a level of multigrid, if any."""
     timings = Timings()
     with timings.phase("mesh"):
         tagged = load()
@@ -86,9 +84,7 @@ def solve_contact(
     on_step: Callable[[LoadStep], object] = lambda step: None,
     level_checkpoint: MeshCheckpoint | None = None,
 ) -> tuple[Solution, Task, Outcome]:
-    """All load steps, until one has no solution, the contact problem of the last one, and how the last one with a
-    solution ended; ``state``: from which the first one begins, see ``solve_mesh``.
-    """
+    """All load steps from a ``state``, until one has no solution, the last task, and the last solved outcome."""
     statement = model.statement
     body = StatedSteps(model, statement.path, timings, state)
     start = first_start(task.start, model.boundary, state)
@@ -160,9 +156,7 @@ def _findings(model: Model, steps: Sequence[StepResult]) -> list[Finding]:
 def findings_of_steps(
     model: Model, steps: Sequence[StepResult], further: Sequence[Finding], foundations: Iterable[tuple[str, Any, Any]]
 ) -> list[Finding]:
-    """What is odd about the results of load steps, beside what is known; where the last one has none, why there is
-    none; collective.
-    """
+    """What is odd about results of load steps, beside what is known; where the last one has none, why; collective."""
     if not _solved(steps):
         return [*further, *(step.reason for step in steps if step.reason is not None)]
     lost = sorted({piece for step in steps for piece in step.certificate.unjudged})
@@ -261,9 +255,7 @@ class StatedSteps(SteppedBody):
 
 
 def on_moved_foundations(earlier: Model, moved: Model, task: Task, end: StepEnd) -> tuple[Start, PreviousStep]:
-    """A load step on foundations that have moved: where it starts, and the end of the last one as it begins from it;
-    supports hold the body, see ``check.findings``; collective.
-    """
+    """Where a load step starts on moved foundations, and the end of the last one as it sees it; collective."""
     assert earlier.boundary is not None
     assert moved.boundary is not None
     end.taken_up(task, moved, moved.rigid)

@@ -191,9 +191,7 @@ class Budget:
     def affordable(
         self, rows: list[Price], jump: float, last: LevelResult, meshes: Meshes
     ) -> tuple[float, Unsolved | None]:
-        """The jump, or if there may be any a smaller one that keeps to the budget; and how the next mesh would exceed
-        it all the same, None if it would not.
-        """
+        """The jump, or a smaller one that keeps to the budget; and how the next mesh would exceed it all the same."""
         beyond = self.exceeded(rows, meshes.whole(jump), last)
         while beyond is not None and meshes.any_jump and jump > SMALLEST_JUMP:
             jump = max(jump / 2, SMALLEST_JUMP)
@@ -277,9 +275,7 @@ class Meshes:
             self.problem = replace(self.problem, coarsest=self.problem.coarsest / 2).divided(1)
 
     def solve(self, state: ContactState | None, number: int) -> SolvedMesh:
-        """Solve on the current mesh; with regularisation on all finer ones if augmentation fails on it, and with what
-        was chosen on the first one.
-        """
+        """Solve on the current mesh; if augmentation fails on it finer ones have regularisation."""
         solved = self._solved(state, number)
         if number == 0 and solved.level is not None:
             self.problem = self.problem.keeping(solved)
@@ -301,9 +297,7 @@ class Meshes:
         return float(np.clip(excess ** (1 / rate), smallest, LARGEST_JUMP[dimension]))
 
     def whole(self, jump: float) -> float:
-        """How many times finer the next mesh will be: where meshes are made anew, cells are divided a whole number of
-        times.
-        """
+        """How many times finer the next mesh will be: cells of meshes made anew are divided a whole number of times."""
         if not (self._made and self.any_jump):
             return jump
         return max(ceil(self._divisions * jump - 1e-9), self._divisions + 1) / self._divisions
@@ -335,17 +329,14 @@ class Meshes:
             self.problem = self.problem.on(tagged)
 
     def raise_gamma(self, task: Task, outcome: Outcome, regularisation_error: float, excess: float) -> None:
-        """Make gamma so large that the regularisation error keeps to its share; it decreases like 1 / gamma.
-
-        Path-following finds gamma itself: its allowed error is reduced.
-        """
+        """Make gamma so large that the regularisation error, like 1 / gamma, keeps to its share."""
         factor = excess / REGULARISATION_SHARE
         if factor <= 1:
             return
         settings, data = self.problem.settings, outcome.data
         largest = LARGEST_GAMMA * task.natural_gamma
         update = {"gamma_n": min(data.gamma_n * factor, largest), "gamma_t": min(data.gamma_t * factor, largest)}
-        if settings.algorithm == "path-following":
+        if settings.algorithm == "path-following":  # it finds gamma itself
             allowed = inf if settings.regularisation_error == "auto" else settings.regularisation_error
             # With Coulomb friction its own figure is that of the start: halving, at least, comes to an end.
             update = {"regularisation_error": min(allowed, regularisation_error) / max(factor, 2.0)}

@@ -83,15 +83,12 @@ class MovingFoundations(Foundations):
 
     Attributes:
         at: the displacement of now.
-        sliding: the pairs, by their numbers.
         undeformed: pairs that keep their partners, with what that depends on, by their numbers.
-        coordinates: of tools where they are, see ``MovingTools``.
-        settled: the shapes as they were at the end of the last step, by the numbers of their foundations.
     """
 
-    sliding: Mapping[int, MovingPair]
-    coordinates: Array
-    settled: dict[int, Any]
+    sliding: Mapping[int, MovingPair]  # by their numbers
+    coordinates: Array  # of tools where they are, see ``MovingTools``
+    settled: dict[int, Any]  # the shapes at the end of the last step, by the numbers of their foundations
 
     def __init__(self, *args: Any, at: fem.Function) -> None:
         self.at, self.sliding, self.undeformed = at, {}, dict[int, tuple[list[bytes], PairedSides]]()
@@ -144,9 +141,7 @@ class MovingFoundations(Foundations):
                 self.moving[part].carry_to(tool)
 
     def motion_at(self, boundary: ContactBoundary, begun: Array) -> Array | None:
-        """How far shapes have moved with contact points since the last step, length, shape (n, d), None: none has;
-        ``begun``: displacements of the nodes at its end, shape (nodes, d).
-        """
+        """How far shapes have moved with points since the displacements ``begun``, length, shape (n, d); None: not."""
         moved = {k: moving.shape for k, moving in self.moving.items() if moving.shape != self.settled[k]}
         if not moved:
             return None
@@ -217,15 +212,12 @@ class LinearisedProblem(FormSolver):
         at: the displacement of now.
         extent: the diameter of the undeformed body, length.
         curvature: what the shapes add to the tangent.
-        residual: F at the displacement of now, less the loads; None: it has not been assembled yet.
-        several: see ``Start``.
-        bodies: see ``BodyPieces``.
     """
 
     symmetric = definite = True  # as far as is known
-    residual: Array | None = None
-    several = False
-    bodies: tuple[str, ...] = ()
+    residual: Array | None = None  # F at the displacement of now, less the loads; None: it has not been assembled yet
+    several = False  # see ``Start``
+    bodies: tuple[str, ...] = ()  # see ``BodyPieces``
     _keeps = False  # whether the next solve keeps the stiffness of the last one
     _retains_all = False  # where the choice of ``_far_points`` has left out too many
     _farthest = 0.0  # the largest increment of this load so far, length
@@ -330,9 +322,7 @@ class LinearisedProblem(FormSolver):
         return way if previous is None or previous.moved is None else np.asarray(way - previous.moved)
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
-        """A tangent that is not definite is factorised whole. Its contact problem may have no solution: then a smaller
-        increment of the load is what helps, not another method.
-        """
+        """A tangent that is not definite is factorised whole, without fall-backs: a smaller increment is what helps."""
         indefinite = {"linear_algebra": "full", "fallbacks": False}
         definite = self.definite and self.symmetric
         settings = self.settings if definite else self.settings.model_copy(update=indefinite)
@@ -478,10 +468,7 @@ class LinearisedProblem(FormSolver):
 
     def _far_points(self, boundary: ContactBoundary) -> tuple[npt.NDArray[np.bool_], fem.Function] | None:
         """Which points are farther from their shapes than an increment may bring them, shape (n,), and the displacement
-        of now; None: none is.
-
-        The dense matrix of a body in 3D on one rank does without them, as in 3D the contact boundary has far more nodes
-        than the contact; elsewhere dense matrices are small, or none.
+        of now; None: none is.  The dense matrix of a body in 3D on one rank, which is large, does without them.
         """
         state, values, dim = self._state, self.at.x.array, boundary.x.shape[1]
         plain = boundary.averages.shares.nnz == boundary.size > 0 and boundary.moving is None and not boundary.paired
@@ -544,9 +531,7 @@ class LinearisedProblem(FormSolver):
         return 0 if self._last is None else self._last.start.step
 
     def begin_at_tangent(self, *, definite: bool, symmetric: bool) -> None:
-        """Assemble the contact problem at the displacement of now, as in the last iteration of an earlier run;
-        collective.
-        """
+        """Assemble the contact problem of now as in the last iteration of an earlier run; collective."""
         self.begin_anew()
         self.definite, self.symmetric = definite, symmetric
         self.slide()
@@ -561,10 +546,7 @@ class LinearisedProblem(FormSolver):
         return other
 
     def derivative_at_solution(self) -> tuple[Any, ...]:
-        """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``; collective.
-
-        The derivative of a shear that turns is not symmetric. All contact points take part.
-        """
+        """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``; collective."""
         outcome, solved, symmetric = self.outcome, self.state, self.symmetric
         assert outcome is not None
         self.bend()
@@ -580,10 +562,8 @@ class LinearisedProblem(FormSolver):
         return self.elastic, self.task, outcome, self.begun, state, self.at, self.law_now(), turning
 
     def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:
-        """Without drives of rigid bodies, and with the motion of shapes at contact points in the step.
-
-        Contact points are at the displacement of now with what supports prescribe. ``begun``: values of the
-        displacement at the end of the last step; None: those of the last step here.
+        """With what supports prescribe, and the motion of shapes at contact points in the step; ``begun``: values of
+        the displacement at the end of the last step; None: those of the last step here.
         """
         kept, at = self.at.x.array.copy(), self.at.x.array
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
@@ -631,9 +611,7 @@ class LinearisedProblem(FormSolver):
         return State(self.at.x.array.copy(), *solution, certificate, iterations, shapes, tools)
 
     def go_back(self, state: State) -> None:
-        """Make an earlier solution the last one; shapes stay where they are placed, but for those that forces move;
-        collective.
-        """
+        """Go back to an earlier solution; shapes stay where they are, but for those that forces move; collective."""
         self.at.x.array[:] = state.displacement
         self.fields.take(self.space, state.contact)
         self._state, self.outcome, self._solution = state.contact, state.outcome, state.guess

@@ -27,10 +27,8 @@ _SOLUTION, _TANGENT = "solution", "tangent"
 
 
 class Way(PathIncrements):
-    """A way along a path: a step without a solution is halved, and after an easy one the next is larger.
-
-    To begin with there is one step for each time of the path, or as many as its ramp has.  The first step begins at
-    time 0 if it is halved.
+    """A way along a path: a step without a solution is halved, the first one from time 0; after an easy one the next is
+    larger.
     """
 
     @property
@@ -51,9 +49,8 @@ class Way(PathIncrements):
 
 
 class Continuation(Stepping[StepResult]):
-    """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts.
-
-    What has no solution, and cannot be shortened any more, ends it with NoEquilibrium or FormError.
+    """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts; one without a solution
+    that cannot be shortened ends it with NoEquilibrium or FormError.
 
     ``apply`` changes the problem to what it is at a place.  ``ends`` are the load steps with a solution, with what the
     residual says of them.
@@ -137,9 +134,7 @@ class Continuation(Stepping[StepResult]):
         return step
 
     def store(self, checkpoint: MeshCheckpoint, step: StepResult, marks: Marks) -> None:
-        """Its displacement, that at which its last tangent was formed, and the iterate of the contact problem of that
-        are stored.  All else follows as load steps are gone through again.
-        """
+        """Its displacement, that of its last tangent, and the iterate of the contact problem of that are stored."""
         solver, linear = self.solver, self.solver.linear
         assert linear.outcome is not None
         values, coordinates = solver.tangent_at

@@ -6,7 +6,8 @@ With the unit normal n_f = grad phi at X + u the condition for a new displacemen
 
 Functions of all shapes take the contact points ``boundary``, the ``shapes`` by the numbers of their foundations,
 ``places``, displacements of the nodes, shape (nodes, d), and the ``size`` of the body, lengths; H are the ``hessians``,
-and w is the ``way`` of the points relative to their shapes since the last step, length, shape (n, d).
+second derivatives of distances, and w is the ``way`` of the points relative to their shapes since the last step,
+length, shape (n, d).
 
 Tools are rigid shapes that forces and moments move: their finite motion is unknown beside the displacement of a body.
 A tool with the pivot c turns about it by a rotation vector psi, and moves by v.  With phi and n_f of the tool where it
@@ -115,9 +116,7 @@ class MovingShape:
 
 
 def hessians_at(boundary: ContactBoundary, shapes: Mapping[int, MovingShape], places: Array, size: float) -> Array:
-    """The second derivatives H of the distances at contact points, 1 / length, shape (n, d, d), zero without a shape:
-    by central differences of normals.
-    """
+    """H at contact points, 1 / length, shape (n, d, d), zero without a shape: by central differences of normals."""
     dimension, step = boundary.x.shape[1], DIFFERENCE_STEP * size
     hessians = np.zeros((boundary.size, dimension, dimension))
     for number, moving in shapes.items():
@@ -217,9 +216,7 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
 
 
 def turned_further(initial: float | tuple[float, ...], turn: Array, near: float | tuple[float, ...]) -> Any:
-    """The rotation of a shape, degrees, that is turned by a rotation vector in radians from its ``initial`` one; of all
-    whole turns more or fewer that nearest to ``near`` is taken.
-    """
+    """The rotation of a shape, degrees, that a vector in radians turns from ``initial``, nearest to ``near``."""
     if turn.size == 1:
         assert isinstance(initial, float)
         return initial + float(np.degrees(turn[0]))

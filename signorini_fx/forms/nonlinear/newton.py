@@ -120,21 +120,16 @@ class EquilibriumSolver(Stability):
         return max(SAME_NUMBER * linear.extent, UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest, loose)
 
     def begin_path(self, *, several: bool) -> None:
-        """Forget how long solves took, and a first step that had no solution; ``several``: whether there may be more
-        than one load step.
-        """
+        """Forget how long solves took, and a first step that had no solution; ``several``: see ``Start``."""
         self.timings, self.linear.several = Timings(), several
         if self.solved is not None and self.solved.step.status is not Status.CONVERGED:
             self.solved = None
 
     def attempt(self, *, final: bool = True) -> None:
-        """Solve with the values that Constants, Functions, conditions and shapes have now; collective.
+        """Solve with the values of now; ``take`` makes it the last solution; ``final``: whether no smaller step will be
+        tried, so that a failure is asked why there may be no solution; collective.
 
-        The body is at the solution then; ``take`` makes it the last one. ``final``: whether no smaller step will be
-        tried, so that a failure is asked why there may be no solution.
-
-        Raises NoEquilibrium: ``status`` says why, and all else is as the last solution was; FormError: see
-        ``NonlinearContactProblem.solve``.
+        Raises NoEquilibrium: ``status`` says why, and all else is as the last solution was; FormError: as ``solve``.
         """
         last = self.last = self.last or self.snapshot()
         self.certificate, self.status, self.without, self._detail = None, None, "", ""
@@ -163,9 +158,7 @@ class EquilibriumSolver(Stability):
         raise NoEquilibrium(f"{self.failure}: {status.advice}")
 
     def certify(self, begun: State) -> Status:
-        """The verdict on a displacement of an earlier run, but for stability; ``begun``: where its step begins;
-        collective.
-        """
+        """The verdict, but for stability, on a displacement of an earlier run whose step has ``begun``; collective."""
         self.last = self.last or begun
         return self._ended("certify", lambda: self._judge(self.residual.at(self.u.x.array.copy())))
 
@@ -192,9 +185,8 @@ class EquilibriumSolver(Stability):
         self.begun = self.linear.beginning()
 
     def take_before(self, status: Status, solves: int) -> None:
-        """Show the body as it is, without contact, in place of a first solution that there is not, unless its residual
-        or tangent cannot be evaluated; ``status``, ``solves``: how the search for it has ended, after how many linear
-        solves; collective.
+        """Show the body as it is, without contact, in place of a first solution that there is not, unless it cannot be
+        evaluated; ``status``, ``solves``: how the search has ended, after how many linear solves; collective.
         """
         with suppress(FormError, MatrixError, PairingError):
             if (residual := self.residual.at(self.u.x.array.copy())) is None:

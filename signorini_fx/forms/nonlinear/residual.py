@@ -159,10 +159,9 @@ def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
 
 
 def is_derivative(form: fem.Form, residual: Residual, values: Array, free: npt.NDArray[np.bool_]) -> bool:
-    """Whether the product of a bilinear form with random displacements is what F changes by at values of ``u``, at the
-    owned unknowns that are not prescribed; collective.
-
-    Where a change leads across a yield surface, forces change otherwise ahead than behind: either is a derivative.
+    """Whether the product of a bilinear form with random displacements is what F changes by at values of ``u``, at
+    owned ``free`` unknowns; collective.  Where a change leads across a yield surface, forces change otherwise ahead
+    than behind: either is a derivative.
     """
     u, comm = residual.u, residual.u.function_space.mesh.comm
 

@@ -58,34 +58,22 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ResidualMechanics:
-    """What the residual says of a body at a displacement.
+    """What the residual says of a body at a displacement."""
 
-    Attributes:
-        forces: the residual as forces on the body without contact.
-        contact: what holds at the contact points, met at the displaced points; None: there is no contact.
-        fixed: which dofs of this rank are prescribed, ghosts included, shape (dofs,).
-    """
-
-    forces: Balance
-    contact: ContactConditions | None
-    fixed: npt.NDArray[np.bool_]
+    forces: Balance  # the residual as forces on the body without contact
+    contact: ContactConditions | None  # at the displaced points; None: there is no contact
+    fixed: npt.NDArray[np.bool_]  # which dofs of this rank are prescribed, ghosts included, shape (dofs,)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResidualBody(SolidBody):
-    """A body that its residual says all of, at the displacements of its load steps.
-
-    Attributes:
-        ends: each load step with what it says there, the last one at least.
-        boundaries: the facets of each part of the boundary that was given a name.
-        stress_error: gives what cells have of the error of the stress at the last one, see ``stress_error``.
-    """
+    """A body that its residual says all of, at the displacements of its load steps."""
 
     no_bounds: ClassVar[str] = "a nonlinear body has no guaranteed bound"
 
-    ends: Sequence[tuple[StepResult, ResidualMechanics]]
-    boundaries: Mapping[str, Facets]
-    stress_error: Callable[[], Array | str]
+    ends: Sequence[tuple[StepResult, ResidualMechanics]]  # the last load step at least
+    boundaries: Mapping[str, Facets]  # that were given a name
+    stress_error: Callable[[], Array | str]  # at the last load step, see ``stress_error``
 
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         return self._at(y).contact
@@ -109,9 +97,8 @@ class ResidualBody(SolidBody):
 def certified(
     residual: Array, linear: LinearisedProblem, lost: Array | None = None, tractions: Tractions | None = None
 ) -> tuple[Certificate, ResidualMechanics]:
-    """The certificate of the displacement of now, where F is ``residual`` and its round-off ``lost``, None: not known,
-    forces at the owned unknowns, and what it is of; ``linear``: of the last iteration; ``tractions``: None: those of
-    the solver; collective.
+    """The certificate of the displacement of now, where F is ``residual`` and its round-off ``lost``, forces at the
+    owned unknowns, and what it is of; ``linear``: of the last iteration; ``tractions``: else the solver's; collective.
     """
     u, space, scales = linear.at, linear.space, linear.scales
     fixed, values = prescribed(space, conditions_of(linear.bcs, space))
@@ -210,12 +197,8 @@ class SolvedBody:
 
 
 def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Finding]:
-    """What round-off may hide at the ends of load steps, where that is more than a certificate allows.
-
-    Steps that displace the body by a share below that of the farthest one are round-off of others, as where a body
-    comes back to rest.
-
-    ``residual``: what F is called.
+    """What round-off may hide at the ends of load steps, where that is more than a certificate allows; ``residual``:
+    its name.  Steps with a small share of the farthest displacement are round-off, as where a body is back at rest.
     """
     farthest = max((certificate.displacement for certificate in certificates), default=0.0)
     judged = [one for one in certificates if one.displacement > CERTIFICATE_TOLERANCE * farthest]
@@ -241,9 +224,7 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
 
 
 def slid_past_partners(linear: LinearisedProblem) -> list[Finding]:
-    """A warning for each pair whose touching points have moved farther along the other side than partners may be kept;
-    collective.
-    """
+    """A warning for each pair whose touching points have moved farther than partners may be kept; collective."""
     findings, mesh, state = list[Finding](), linear.space.mesh, linear.state
     for number, entry in enumerate(linear.contact):
         if entry.against is None or entry.sliding or entry.bonded:

@@ -81,10 +81,7 @@ class Stability:
         return ""
 
     def leads(self, values: Array) -> bool:
-        """Whether the tangent that leads Newton's method is the derivative of F at values of ``u``; collective.
-
-        Another one may lead away from any equilibrium.
-        """
+        """Whether the tangent is the derivative of F at values of ``u``: others may lead away; collective."""
         tangents = self.tangents
         known = not tangents.given or tangents.trusted
         return known or is_derivative(tangents.leading, self.residual, values, ~self.linear.elastic.fixed)
@@ -107,10 +104,8 @@ class Stability:
         return f"it begins at ({', '.join(f'{x:.4g}' for x in farthest[1:])})"
 
     def _negative(self, tangent: fem.Form) -> tuple[int, Array]:
-        """``negative_directions`` of the symmetric part of a tangent where points stay in contact; collective.
-
-        Points in contact keep their distance, and those that stick their place, by springs.  The verdict does not
-        depend on units: all entries that are no stiffness of the body are shares of its largest one.
+        """``negative_directions`` of the symmetric part of a tangent where points stay in contact, and those that stick
+        in their place, by springs: shares of the largest entry of the body, whatever the units; collective.
         """
         linear, space, fixed = self.linear, self.linear.space, self.linear.elastic.fixed
         diagonal = np.abs(linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[: fixed.size])
@@ -255,9 +250,7 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
 
 
 def _deepest(sides: FacingSides, at: Array, within: Flags, at_most: float) -> InsideBody | None:
-    """The deepest of the nodes of both sides that are in the other body, of those that are too deep: along the normal
-    of the other side at its nearest node.
-    """
+    """The deepest node that is too deep in the other body, along the normal of the other side at its nearest node."""
     halves, deepest = np.split(np.arange(len(at)), [sides.slave.nodes.size]), None
     both = zip((sides.slave.surface, sides.master.surface), halves, strict=True)
     surfaces = [surface.displaced(at[half] - surface.x) for surface, half in both]
