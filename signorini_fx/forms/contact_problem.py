@@ -25,11 +25,13 @@ from signorini_fx.records import History, Status
 from signorini_fx.results.certificate.certificate import Certificate
 
 if TYPE_CHECKING:
+    from signorini_fx.forms.steps import Clock
     from signorini_fx.quantities.differentiable import Gradient
     from signorini_fx.results.accuracy.error_estimates import Errors
     from signorini_fx.results.mechanics import StepResult
     from signorini_fx.results.solution import Solution
     from signorini_fx.results.stresses import RawStresses
+    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
     from signorini_fx.solving.load_steps import StepProgress
 
 
@@ -132,6 +134,60 @@ class ProblemOfForms:
             FormError: it has no shape that can be placed, or the placement is wrong.
         """
         self.assembled.foundations.place(number, placement)
+
+    def advance(self) -> None:
+        """End a step of an own time loop: friction acts on what the next solve adds to the slip, from the shear of the
+        last one, which turns with directions that change; a material goes on from its state.  Solves before the next
+        call start from here, whatever was tried between.
+
+        Raises:
+            RuntimeError: the last solve has no solution.
+        """
+        self._ended.advance()
+
+    def run(
+        self,
+        path: LoadPath | Sequence[float],
+        at: Callable[[float], object] | fem.Constant,
+        *,
+        folder: str | Path | None = None,
+        restart: bool = False,
+        on_step: Callable[[StepResult], object] = lambda step: None,
+    ) -> Solution:
+        """Solve load steps, with ``advance`` between them; collective.
+
+        A ramp takes smaller increments where there is no solution.  With a nonlinear body any step is halved, the first
+        one from time 0, and whatever ends the path, the problem is left at the last step that has a solution.  A
+        ``ContactProblem`` is left at the last load step, from which another run goes on after ``advance``.
+
+        Args:
+            path: the times, one load step each, or a ``LoadPath``, which may be a ramp.
+            at: changes the problem to what it is at a time, which may also be an earlier one than the last; or a
+                Constant that takes the time.
+            folder: in which every load step is stored as soon as it is complete, each run in one of its own; None:
+                nowhere.
+            restart: go on from what an earlier run of the same program has stored there, on any number of ranks; the
+                ``commit`` of a nonlinear body is called at the end of each of its load steps again.
+            on_step: called with the result of each load step that has a solution; in a ramp that begins again with the
+                first one anew.
+
+        Raises:
+            ConvergenceError: a load step has no solution; the ``solution`` of the error has those before it.  Of a
+                nonlinear body the step cannot be shortened: ``status`` is ``LIMIT`` where the tangent or the
+                displacement says that there is no equilibrium, otherwise how the smallest step ends; or an equilibrium
+                is unstable, or its stability is not known.
+            FormError: see ``solve``; or an argument is wrong, or the folder is that of another problem or run; or the
+                smallest step ends with one, such as one of ``update``.
+        """
+        from signorini_fx.forms.steps import begun_path
+
+        return self._through(*begun_path(self.assembled, path, at, folder, restart=restart), on_step)
+
+    def _through(
+        self, path: LoadPath, clock: Clock, stored: MeshCheckpoint | None, on_step: Callable[[StepResult], object]
+    ) -> Solution:
+        """The solution of a run; collective."""
+        raise NotImplementedError
 
     def write(
         self,
@@ -303,53 +359,17 @@ class ContactProblem(ProblemOfForms):
             raise ConvergenceError(self, why)
         return self.u
 
-    def run(
-        self,
-        path: LoadPath | Sequence[float],
-        at: Callable[[float], object] | fem.Constant,
-        *,
-        folder: str | Path | None = None,
-        restart: bool = False,
-        on_step: Callable[[StepResult], object] = lambda step: None,
+    def _through(
+        self, path: LoadPath, clock: Clock, stored: MeshCheckpoint | None, on_step: Callable[[StepResult], object]
     ) -> Solution:
-        """Solve load steps, with ``advance`` between them; collective.
-
-        A ramp takes smaller increments where there is no solution.  The problem is left at the last load step, from
-        which another run goes on after ``advance``.
-
-        Args:
-            path: the times, one load step each, or a ``LoadPath``, which may be a ramp.
-            at: changes the problem to what it is at a time, which may also be an earlier one than the last; or a
-                Constant that takes the time.
-            folder: in which every load step is stored as soon as it is complete, each run in one of its own; None:
-                nowhere.
-            restart: go on from what an earlier run of the same program has stored there, on any number of ranks.
-            on_step: called with the result of each load step that has a solution; in a ramp that begins again with the
-                first one anew.
-
-        Raises:
-            ConvergenceError: a load step has no solution; the ``solution`` of the error has those before it.
-            FormError: see ``solve``; or an argument is wrong, or the folder is that of another problem or run.
-        """
-        from signorini_fx.forms.steps import begun_path, solve_path
+        from signorini_fx.forms.steps import solve_path
         from signorini_fx.results.solution import ConvergenceError
 
-        path, clock, stored = begun_path(self.assembled, path, at, folder, restart=restart)
         self._ran = solve_path(self.assembled, path, clock, on_step, stored)
         solution = self.solution
         if not solution.converged:
             raise ConvergenceError(solution)
         return solution
-
-    def advance(self) -> None:
-        """End a step of an own time loop: friction acts on what the next solve adds to the slip, from the shear of the
-        last one, which turns with directions that change.  Solves before the next call
-        start from here, whatever was tried between.
-
-        Raises:
-            RuntimeError: the last solve has no solution.
-        """
-        self.assembled.advance()
 
     def gradient(self, of: Any, by: Any) -> Gradient:
         """Derivatives of a result of the last solve by Constants of the problem, by one adjoint solve; collective.

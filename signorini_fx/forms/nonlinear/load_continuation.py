@@ -32,20 +32,16 @@ class Way(PathIncrements):
     """
 
     @property
-    def _smallest(self) -> float:
-        return ENCLOSED * self.nominal
-
-    @property
     def may_halve(self) -> bool:
         """Whether a smaller step than the next one may be tried."""
-        return (self.next - self.reached) / 2 >= self._smallest
+        return (self.next - self.reached) / 2 >= ENCLOSED * self.nominal
 
     def accept(self, iterations: int) -> None:
         """The next step has a solution, after so many iterations."""
         self.reached = self.next
         if iterations <= FEW_NEWTON_ITERATIONS:
             self.increment *= 2
-        self.increment = min(max(self.increment, self._smallest), self.nominal)
+        self.increment = min(max(self.increment, ENCLOSED * self.nominal), self.nominal)
 
 
 class Continuation(Stepping[StepResult]):

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -30,7 +29,7 @@ from signorini_fx.forms.nonlinear.results import (
     slid_past_partners,
     stress_error,
 )
-from signorini_fx.forms.steps import begun_path
+from signorini_fx.forms.steps import Clock
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
@@ -40,6 +39,7 @@ from signorini_fx.quantities.differentiable import Gradient
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
 from signorini_fx.solving.solve_on_mesh import contact_solution
 
@@ -300,45 +300,9 @@ class NonlinearContactProblem(ProblemOfForms):
         except NoEquilibrium as error:
             raise ConvergenceError(self, str(error)) from error.__cause__
 
-    def advance(self) -> None:
-        """End a step: friction acts on what the next solves add to the slip, and the state is that of ``u``.
-
-        Raises:
-            RuntimeError: the last solve has no solution.
-        """
-        self._solver.advance()
-
-    def run(
-        self,
-        path: LoadPath | Sequence[float],
-        at: Callable[[float], object] | fem.Constant,
-        *,
-        folder: str | Path | None = None,
-        restart: bool = False,
-        on_step: Callable[[StepResult], object] = lambda step: None,
+    def _through(
+        self, path: LoadPath, clock: Clock, stored: MeshCheckpoint | None, on_step: Callable[[StepResult], object]
     ) -> Solution:
-        """Solve load steps, with ``advance`` between them; collective.
-
-        A step without a solution is halved, be it that of a ramp or not, and begins again at the end of the last one;
-        the first one begins at time 0.  Whatever ends the path, the problem is left at the last step that has a
-        solution.
-
-        Args:
-            path: the times, one load step each, or a ``LoadPath``, whose ramp takes the steps that it asks for.
-            at: see ``ContactProblem.run``.
-            folder: see ``ContactProblem.run``.
-            restart: likewise; ``commit`` is called at the end of each load step of the earlier run again.
-            on_step: called with the result of each load step.
-
-        Raises:
-            ConvergenceError: a step cannot be shortened any more.  ``status`` is ``LIMIT`` where the tangent or the
-                displacement says that there is no equilibrium, otherwise how the smallest step ends.  Or an
-                equilibrium is unstable, or its stability is not known.  The ``solution`` of this problem has the load
-                steps before.
-            FormError: an argument is wrong, or the folder is that of another problem or run; or the smallest step ends
-                with one, such as one of ``update``.
-        """
-        path, clock, stored = begun_path(self.linear, path, at, folder, restart=restart)
         with self._as_convergence_error():
             self._ran = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))
             self._ran.all(on_step, stored)

@@ -59,8 +59,12 @@ class Stability:
     def _inertia(self) -> tuple[int, Array] | None:
         """See ``negative_directions``, of the derivative of F at ``u``; None: it is not known; collective."""
         size = self.linear.elastic.system_size()
-        fits = enough_memory(size.comm, factor_memory(size.unknowns, size.dimension))
-        if not fits or (tangent := self._derivative()) is None:
+        if not enough_memory(size.comm, factor_memory(size.unknowns, size.dimension)):
+            return None
+        tangents, values = self.tangents, self.residual.u.x.array.copy()
+        led = tangents.given and self.leads(values)
+        tangent = tangents.leading if led else tangents.derivative
+        if not led and not is_derivative(tangent, self.residual, values, ~self.linear.elastic.fixed):
             return None
         self.linear.bend()
         return self._negative(tangent)
@@ -85,14 +89,6 @@ class Stability:
         tangents = self.tangents
         known = not tangents.given or tangents.trusted
         return known or is_derivative(tangents.leading, self.residual, values, ~self.linear.elastic.fixed)
-
-    def _derivative(self) -> fem.Form | None:
-        """The user's tangent if it is the derivative of F at ``u``, else that of UFL; None: neither is; collective."""
-        tangents, values = self.tangents, self.residual.u.x.array.copy()
-        if tangents.given and self.leads(values):
-            return tangents.leading
-        fits = is_derivative(tangents.derivative, self.residual, values, ~self.linear.elastic.fixed)
-        return tangents.derivative if fits else None
 
     def _most_moved(self, direction: Array) -> str:
         """Where a displacement of the owned nodes is largest, in words; collective."""
