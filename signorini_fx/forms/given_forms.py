@@ -25,7 +25,7 @@ from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, tagged_mesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps
@@ -43,29 +43,17 @@ Law = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class GivenForms:
-    """The arguments of a ``ContactProblem`` that stay as they are, checked and compiled.
+    """The arguments of a ``ContactProblem`` that stay as they are, checked and compiled."""
 
-    Attributes:
-        space: of the displacement.
-        original: a and L as they were given, UFL or compiled.
-        compiled: the same, compiled.
-        stress: the stress of a displacement; None: none was given.
-        parts: the cells of each material.
-        contact: the foundations and pairs.
-        facets: of each contact.
-        masters: of the other side of each pair, by its number.
-        boundaries: the facets of each part of the boundary that was given a name.
-    """
-
-    space: fem.FunctionSpace
-    original: tuple[Any, Any]
-    compiled: tuple[fem.Form, fem.Form]
-    stress: Law | None
-    parts: Sequence[npt.NDArray[np.int32]]
+    space: fem.FunctionSpace  # of the displacement
+    original: tuple[Any, Any]  # a and L as they were given, UFL or compiled
+    compiled: tuple[fem.Form, fem.Form]  # the same, compiled
+    stress: Law | None  # of a displacement; None: none was given
+    parts: Sequence[npt.NDArray[np.int32]]  # the cells of each material
     contact: tuple[Foundation | Pair, ...]
-    facets: Sequence[Facets]
-    masters: Mapping[int, Facets]
-    boundaries: Mapping[str, Facets]
+    facets: Sequence[Facets]  # of each contact
+    masters: Mapping[int, Facets]  # of the other side of each pair, by its number
+    boundaries: Mapping[str, Facets]  # the facets of each part of the boundary that was given a name
 
     @property
     def mesh(self) -> dmesh.Mesh:
@@ -107,16 +95,6 @@ def given_forms(
         boundaries_of(boundaries, space.mesh),
     )
     return forms, solution
-
-
-def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, Facets]) -> TaggedMesh:
-    """A mesh with these names, of which a facet may have several."""
-    facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *boundaries.values()]))
-    held = np.column_stack([np.empty((facets.size, 0), bool), *(np.isin(facets, part) for part in boundaries.values())])
-    kinds, tag = np.unique(held, axis=0, return_inverse=True)
-    tags = {name: tuple(int(k) + 1 for k in np.flatnonzero(kinds[:, number])) for number, name in enumerate(boundaries)}
-    values = (tag.ravel() + 1).astype(np.int32)
-    return TaggedMesh(mesh, dmesh.meshtags(mesh, mesh.topology.dim - 1, facets, values), tags)
 
 
 def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> Contact:

@@ -171,7 +171,7 @@ def solve_to_accuracy(
         raise FormError(wrong, "solve_to_accuracy")
     budget = to_accuracy.Budget.begins(accuracy, first.comm, first.history)
     meshes = Meshes(first, accuracy, adaptive=adaptive, made=made, any_jump=made)
-    solution = to_accuracy.solve_to_accuracy(meshes, budget, first.history)
+    solution = to_accuracy.solve_to_accuracy(meshes, budget)
     asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
     return _checked(replace(solution, model=asked))
 

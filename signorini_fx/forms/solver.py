@@ -60,23 +60,7 @@ class StepBeginning:
 
 
 class FormSolver:
-    """The contact problem of forms as it is now, and the end of the last step.
-
-    Attributes:
-        u, bcs, settings, history, status, certificate, tools: see ``ContactProblem``.
-        forms: what is assembled.
-        options: the prefix of PETSc's options, and options without it.
-        result: the last solution as a load step of the user's own loop, or of a path; None: there is none, or none that
-            this certifies.
-        data: of the foundations at the nodes, as they are now.
-        unshifted: the regularised problem of the points, displacements counted from the initial position.
-        prescribed: which dofs of this rank are prescribed, ghosts included, and to what, shapes (dofs,).
-        begun: where the last solve began.
-        previous_step: the end of the last step, as the present foundations see it; None: there is none.
-        outcome: how the last solve ended; None: what has been assembled since is another problem.
-        coarser, coarser_state: levels of multigrid, and the contact state of a coarser mesh; None: there is none.
-        folders: with the load steps of its runs.
-    """
+    """The contact problem of forms as it is now, and the end of the last step."""
 
     _foundations_class: Callable[..., Foundations] = Foundations
 
@@ -84,11 +68,11 @@ class FormSolver:
     elastic: ElasticBody
     scales: Scales
     task: Task
-    begun: Start
+    begun: Start  # where the last solve began
     rigid: RigidBodies
-    data: list[FoundationData]
-    unshifted: RegularisedData
-    prescribed: tuple[npt.NDArray[np.bool_], Array]
+    data: list[FoundationData]  # at the nodes, as they are now
+    unshifted: RegularisedData  # displacements counted from the initial position
+    prescribed: tuple[npt.NDArray[np.bool_], Array]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
     _checkpoint: Any  # the iterate at the beginning of the last solve
 
     def __init__(
@@ -97,7 +81,7 @@ class FormSolver:
         u: fem.Function,
         bcs: Any,
         settings: dict[str, Any],
-        petsc_options: tuple[str, Mapping[str, Any]],
+        petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
     ) -> None:
         space = self.space = forms.space
         self.forms, self.u, self.options = forms, u, petsc_options
@@ -109,15 +93,15 @@ class FormSolver:
         self.history, self.timings = History(), Timings()
         self.status: Status | None = None
         self.certificate: Certificate | None = None
-        self.result: StepResult | None = None
+        self.result: StepResult | None = None  # of a path, or of the user's own loop, if this certifies it
         self.tools: tuple[RigidBodyMotion, ...] = ()
-        self.previous_step: PreviousStep | None = None
-        self.outcome: Outcome | None = None
+        self.previous_step: PreviousStep | None = None  # the end of the last step, as foundations of now see it
+        self.outcome: Outcome | None = None  # of the last solve, unless another problem has been assembled since
         self.coarser: MeshLevel | None = None
-        self.coarser_state: ContactState | None = None
-        self.folders = list[Path]()
+        self.coarser_state: ContactState | None = None  # of a coarser mesh
+        self.folders = list[Path]()  # with the load steps of its runs
         self._last_pattern: tuple[tuple[int, ...], tuple[int, ...]] | None = None
-        self._last_modulus: tuple[tuple[int, ...], float | None] = (), None
+        self._last_modulus: tuple[tuple[int, ...], float | None] = (), None  # of which coefficients of ``a``
         self._last: StepEnd | None = None  # at the last advance
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._state: ContactState | None = None
@@ -259,7 +243,11 @@ class FormSolver:
         self.boundary = boundary
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         elastic = self.elastic = self._body(fixed[:owned], boundary)
-        size, modulus = diameter_of(space.mesh), self._natural_modulus()
+        forms, fingerprint = self.forms, digest(self.forms.compiled[0])
+        if parallel.any_rank(space.mesh.comm, fingerprint != self._last_modulus[0]):
+            modulus = natural_modulus(forms.stress, forms.original[0], forms.measures, space)
+            self._last_modulus = fingerprint, modulus
+        size, modulus = diameter_of(space.mesh), self._last_modulus[1]
         self.scales = scales_of(elastic, boundary, self.foundations.facets, size, modulus)
         case, data = self._case(values), self._point_data(shapes)
         laws = [contact.friction for contact in self.forms.contact if contact.friction is not None]
@@ -280,15 +268,6 @@ class FormSolver:
         owned = self.space.dofmap.index_map.size_local * self.space.dofmap.index_map_bs
         at_rest = self.foundations.at_rest(fixed, values)
         return self.foundations.rigid_bodies.on(self.foundations.boundary(shapes, fixed[:owned], at_rest=at_rest))
-
-    def _natural_modulus(self) -> float | None:
-        """Of the stress of the forms, or of ``a``: anew when coefficients of ``a`` change; collective."""
-        forms, fingerprint = self.forms, digest(self.forms.compiled[0])
-        last, modulus = self._last_modulus
-        if parallel.any_rank(self.space.mesh.comm, fingerprint != last):
-            modulus = natural_modulus(forms.stress, forms.original[0], forms.measures, self.space)
-            self._last_modulus = fingerprint, modulus
-        return modulus
 
     def _case(self, values: Array) -> LoadCase:
         """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,); collective."""

@@ -72,7 +72,7 @@ def solve(
         from signorini_fx.solving.to_accuracy import Budget, solve_to_accuracy
 
         budget = Budget.begins(scene.accuracy, comm, history)
-        solution = solve_to_accuracy(meshes_of(scene, scene.accuracy, comm, history), budget, history)
+        solution = solve_to_accuracy(meshes_of(scene, scene.accuracy, comm, history), budget)
     elif coarse := coarser_scenes(scene, scene.solver.levels):
         from signorini_fx.scenes.mesh_sequence import MeshedScene
         from signorini_fx.solving.meshed_problem import solve_nested

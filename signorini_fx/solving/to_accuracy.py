@@ -53,17 +53,13 @@ from signorini_fx.tuned import (
 )
 
 
-def solve_to_accuracy(
-    meshes: Meshes,
-    budget: Budget,
-    history: History,
-) -> Solution:
+def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
     """Refine the mesh, and increase gamma, until the estimated error meets the target or the budget ends; collective.
 
     A refinement that would exceed the budget is not begun, and one that takes longer than predicted is given up, after
     the linear solve in which the time ends.  If it ends on the first mesh there is no solution.
     """
-    goal, comm = budget.goal, budget.comm
+    goal, comm, history = budget.goal, budget.comm, meshes.problem.history
     levels: list[LevelResult] = []
     state: ContactState | None = None
     last: Solution | None = None
@@ -222,14 +218,7 @@ class Budget:
 
 
 class Meshes:
-    """One finer mesh after the other, and the problem on it.
-
-    Attributes:
-        problem: on the mesh that is to be solved next.
-        adaptive: whether triangles or tetrahedra are divided where the error is large.
-        any_jump: whether the next mesh may be any number of times finer; otherwise all cells, or some, are halved.
-        finer: how many times finer, on average over the body, the last division of some cells has made the mesh.
-    """
+    """One finer mesh after the other, and the ``problem`` on the one that is to be solved next."""
 
     def __init__(
         self,
@@ -242,8 +231,8 @@ class Meshes:
     ) -> None:
         self._comm, self._made = problem.comm, made
         self._of: str = DIVIDED_FOR.get(goal.of, goal.of)  # the quantity for which cells are marked
-        self.adaptive: bool = adaptive
-        self.any_jump: bool = any_jump
+        self.adaptive: bool = adaptive  # whether triangles or tetrahedra are divided where the error is large
+        self.any_jump: bool = any_jump  # whether the next mesh may be any number of times finer, else some cells halve
         settings = problem.settings
         automatic = (settings.algorithm, settings.gamma_n, settings.gamma_t) == ("auto", "auto", "auto")
         self._stated: SolverSettings | None = None  # where they are changed
@@ -254,7 +243,7 @@ class Meshes:
         self.problem: MeshedProblem = problem
         self._divisions = 1
         self._coarser: MeshLevel | None = None
-        self.finer: float = 1.0
+        self.finer: float = 1.0  # how much, on average, the last division of some cells has made the mesh
 
     def _solved(self, state: ContactState | None, number: int) -> SolvedMesh:
         """The current mesh, the first one as fine as it must be: straight facets of two bodies that fit each other may

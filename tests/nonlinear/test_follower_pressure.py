@@ -17,8 +17,8 @@ from signorini_fx import (
     solve,
     write_results,
 )
-from signorini_fx.forms.given_forms import tagged_mesh
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
+from signorini_fx.mechanics.mesh.tagged import tagged_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 

@@ -12,7 +12,7 @@ from support.nonlinear_bodies import LAME, MU
 from support.nonlinear_scenes import material
 
 from signorini_fx import solve
-from signorini_fx.forms.given_forms import tagged_mesh
+from signorini_fx.mechanics.mesh.tagged import tagged_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 YOUNG, POISSON = MU * (3 * LAME + 2 * MU) / (LAME + MU), LAME / 2 / (LAME + MU)

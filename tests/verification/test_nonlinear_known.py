@@ -8,7 +8,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from signorini_fx import solve
-from signorini_fx.forms.given_forms import tagged_mesh
+from signorini_fx.mechanics.mesh.tagged import tagged_mesh
 from signorini_fx.scenes.reading import parse_scene
 
 COMM = MPI.COMM_SELF

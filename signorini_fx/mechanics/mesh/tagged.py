@@ -524,15 +524,21 @@ def tag_boundaries(
                 f"boundary {name!r}: a function of points or an expression is expected, not {kind_of(rule)}"
             )
     dim = mesh.topology.dim - 1
-    facets_of = [dmesh.locate_entities_boundary(mesh, dim, rule).astype(np.int32) for rule in rules.values()]
-    facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *facets_of]))
-    # A row for each facet: which markers hold there.  Each combination has a tag of its own, the same on all ranks.
-    holds = np.zeros((len(facets), len(rules)), dtype=bool)
-    for marker, marked in enumerate(facets_of):
-        holds[np.searchsorted(facets, marked), marker] = True
+    facets = {name: dmesh.locate_entities_boundary(mesh, dim, rule).astype(np.int32) for name, rule in rules.items()}
+    return tagged_mesh(mesh, facets)
+
+
+def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, npt.NDArray[np.int32]]) -> TaggedMesh:
+    """A mesh with names of parts of its boundary, each with its facets; a facet may have several names; collective."""
+    facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *boundaries.values()]))
+    # A row for each facet: which names it has.  Each combination has a tag of its own, the same on all ranks.
+    holds = np.zeros((len(facets), len(boundaries)), dtype=bool)
+    for number, part in enumerate(boundaries.values()):
+        holds[np.searchsorted(facets, part), number] = True
     patterns = np.unique(parallel.gather_rows(mesh.comm, np.unique(holds, axis=0)), axis=0)
     _, numbers = np.unique(np.concatenate((patterns, holds)), axis=0, return_inverse=True)
     tags = numbers.ravel()[len(patterns) :] + 1
-    facet_tags = dmesh.meshtags(mesh, dim, facets, tags.astype(np.int32))
-    names = {name: tuple(map(int, np.flatnonzero(holds) + 1)) for name, holds in zip(rules, patterns.T, strict=True)}
+    facet_tags = dmesh.meshtags(mesh, mesh.topology.dim - 1, facets, tags.astype(np.int32))
+    named = zip(boundaries, patterns.T, strict=True)
+    names = {name: tuple(map(int, np.flatnonzero(holds) + 1)) for name, holds in named}
     return TaggedMesh(mesh, facet_tags, _plain(names))
