@@ -172,21 +172,14 @@ def scales_of(
 
 @dataclass(frozen=True, kw_only=True)
 class FormBody(SolidBody):
-    """A body that forms say all of; what depends on values in them is that of their present ones.
-
-    Attributes:
-        user_forms: what is assembled.
-        prescribed_dofs: which dofs of this rank are prescribed, ghosts included, and to what, shapes (dofs,).
-        form_scales: of lengths and stresses.
-        settled: whether the forms are those of the results, and not those of a later load step that has failed.
-    """
+    """A body that forms say all of; what depends on values in them is that of their present ones."""
 
     no_bounds: ClassVar[str] = "a guaranteed bound is for scenes, which state their loads and supports"
 
-    user_forms: GivenForms
-    prescribed_dofs: tuple[npt.NDArray[np.bool_], Array]
-    form_scales: Scales
-    settled: bool = True
+    user_forms: GivenForms  # what is assembled
+    prescribed_dofs: tuple[npt.NDArray[np.bool_], Array]  # which dofs of this rank, with ghosts, and to what
+    form_scales: Scales  # of lengths and stresses
+    settled: bool = True  # whether the forms are of the results, not of a later load step that failed
 
     @property
     def scales(self) -> Scales:

@@ -180,13 +180,8 @@ class Stepping(ABC, Generic[S]):
 
 
 class PathIncrements:
-    """Where a problem is on its path through load steps; places are those of ``statement.load_path``.
-
-    Attributes:
-        path: the load steps.
-        nominal: the increment that a ramp was asked for.
-        reached: the place of the last load step with a solution; -1 before the first one.
-        increment: from there to the next one.
+    """Where a problem is on its path through load steps: at the place ``reached``, by an ``increment`` from the next,
+    ``nominal`` if it is that of a ramp; places are those of ``statement.load_path``.
     """
 
     stored_names: ClassVar[tuple[str, ...]] = ("reached", "increment")

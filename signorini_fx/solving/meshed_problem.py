@@ -65,24 +65,14 @@ class SolvedMesh:
 
 @dataclass(frozen=True, kw_only=True)
 class MeshedProblem(ABC):
-    """A problem on one of several meshes; what is changed is another one.  Scenes and forms differ in how the model of
-    a mesh is made, and how meshes are.
+    """A problem on one of several meshes; scenes and forms differ in how its model, and a finer mesh, are made."""
 
-    Attributes:
-        comm: the ranks that share the work.
-        history: of all meshes.
-        remakes: whether gmsh makes cells anew where the error is large.
-        coarsest: how many times larger than those that were stated the cells of the first mesh are.
-        polygonal: whether straight facets stay although the shape may be curved.
-        in_parts: whether some of several bodies may be made anew on true arcs.
-    """
-
-    comm: MPI.Comm
-    history: History
-    remakes: bool = False
-    coarsest: float = 1.0
-    polygonal: bool = False
-    in_parts: bool = False
+    comm: MPI.Comm  # the ranks that share the work
+    history: History  # of all meshes
+    remakes: bool = False  # whether gmsh makes cells anew where the error is large
+    coarsest: float = 1.0  # how many times larger than those that were stated the cells of the first mesh are
+    polygonal: bool = False  # whether straight facets stay although the shape may be curved
+    in_parts: bool = False  # whether some of several bodies may be made anew on true arcs
 
     @property
     @abstractmethod

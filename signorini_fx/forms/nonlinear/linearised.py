@@ -79,19 +79,16 @@ class State:
 
 
 class MovingFoundations(Foundations):
-    """Foundations whose shapes are seen from displaced points.
-
-    Attributes:
-        at: the displacement of now.
-        undeformed: pairs that keep their partners, with what that depends on, by their numbers.
-    """
+    """Foundations whose shapes are seen from points at the displacement ``at``."""
 
     sliding: Mapping[int, MovingPair]  # by their numbers
     coordinates: Array  # of tools where they are, see ``MovingTools``
     settled: dict[int, Any]  # the shapes at the end of the last step, by the numbers of their foundations
 
     def __init__(self, *args: Any, at: fem.Function) -> None:
-        self.at, self.sliding, self.undeformed = at, {}, dict[int, tuple[list[bytes], PairedSides]]()
+        self.at, self.sliding = at, {}
+        # Pairs that keep their partners, with what that depends on, by their numbers.
+        self.undeformed = dict[int, tuple[list[bytes], PairedSides]]()
         super().__init__(*args)
         self.settle()
         self.coordinates = np.zeros(super().rigid_bodies.fixed.size)
@@ -206,13 +203,7 @@ class MovingFoundations(Foundations):
 
 
 class LinearisedProblem(FormSolver):
-    """The contact problem of one iteration.
-
-    Attributes:
-        at: the displacement of now.
-        extent: the diameter of the undeformed body, length.
-        curvature: what the shapes add to the tangent.
-    """
+    """The contact problem of one iteration, at the displacement ``at``."""
 
     symmetric = definite = True  # as far as is known
     residual: Array | None = None  # F at the displacement of now, less the loads; None: it has not been assembled yet
@@ -246,7 +237,8 @@ class LinearisedProblem(FormSolver):
     def _straighten(self) -> None:
         """Without what turns with the displacement."""
         dim = self.places.shape[1]
-        self.curvature, self._hessians = NodalStiffness.none(dim), np.zeros((0, dim, dim))
+        self.curvature = NodalStiffness.none(dim)  # what the shapes add to the tangent
+        self._hessians = np.zeros((0, dim, dim))
         self.relative: tuple[Array, Array] | None = None  # see ``MovingTools.relative_stiffness``
 
     @property

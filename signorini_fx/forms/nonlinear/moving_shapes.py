@@ -52,25 +52,15 @@ Array = npt.NDArray[np.float64]
 
 @dataclass
 class MovingShape:
-    """The shape of one foundation where it is.
+    """The shape of one foundation where it is."""
 
-    Attributes:
-        shape: where it is now.
-        nodes: of the foundation, local numbers, ghosts included, shape (n,).
-        x: their initial positions, length, shape (n, d).
-        u: the displacement of the body.
-        turns: whether forces may turn it, see ``fitting``.
-        added: what is added to its distance at the nodes, length, shape (n,).
-        motion: by which forces have moved it; None: by none.
-    """
-
-    shape: Shape
-    nodes: npt.NDArray[np.int64]
-    x: Array
-    u: fem.Function
-    turns: bool
-    added: Array = field(init=False)
-    motion: ToolMotion | None = None
+    shape: Shape  # where it is now
+    nodes: npt.NDArray[np.int64]  # of the foundation, local numbers, ghosts included, shape (n,)
+    x: Array  # their initial positions, length, shape (n, d)
+    u: fem.Function  # the displacement of the body
+    turns: bool  # whether forces may turn it, see ``fitting``
+    added: Array = field(init=False)  # to its distance at the nodes, length, shape (n,)
+    motion: ToolMotion | None = None  # by which forces have moved it; None: by none
     _home: Shape = field(init=False)  # where it is without what forces have moved it by
 
     def __post_init__(self) -> None:
@@ -262,15 +252,10 @@ class ToolMotion(RigidBodyMotion):
 
 @dataclass(frozen=True)
 class MovingTools(RigidBodies):
-    """The tools of a problem, which are given where they have not moved yet, at points that have been displaced.
+    """The tools of a problem, which are given where they have not moved yet, at points that have been displaced."""
 
-    Attributes:
-        displacement: of the body.
-        coordinates: (v, L psi) of each where it is, lengths, shape (k,).
-    """
-
-    displacement: fem.Function
-    coordinates: Array
+    displacement: fem.Function  # of the body
+    coordinates: Array  # (v, L psi) of each where it is, lengths, shape (k,)
 
     @property
     def motions(self) -> tuple[ToolMotion, ...]:

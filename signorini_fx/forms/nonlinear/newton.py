@@ -71,38 +71,24 @@ NOT_BY_STIFFNESS = (
 
 @dataclass
 class EquilibriumSolver(Stability):
-    """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they are.
+    """Finds the equilibrium next to where a nonlinear body is, with loads and shapes as they are."""
 
-    Attributes:
-        commit: the user's function at the end of a step.
-        too_large: gives by how much the deformation is too large, in words; empty: it is not; collective.
-        status: how the last attempt has ended; None: by an error, or there is none.
-        certificate: of the last solution, or the last iterate; None: there is none.
-        iterations, linear_solves: of the last attempt.
-        failure: how the last attempt has ended that has no solution, in words.
-        without: why there may be no solution, in words; empty: nothing says so.
-        tangent_at: where the last tangent was formed: values of the displacement, and coordinates of tools.
-        last: the last solution that was taken, or what there was before; None: nothing was tried so far.
-        solved: the last solution that was taken, for results; ``begun``: where its step begins; None: there is none.
-        farthest: the largest displacement of the solutions that were taken, relative to the size of the body.
-    """
-
-    commit: Callable[[], object]
+    commit: Callable[[], object]  # the user's function at the end of a step
     max_newton: int
     asks_stability: bool
-    too_large: Callable[[], str] = lambda: ""
-    status: Status | None = None
-    certificate: Certificate | None = None
-    iterations: int = 0
-    linear_solves: int = 0
-    failure: str = ""
-    without: str = ""
-    tangent_at: tuple[Array, Array] = field(init=False)
-    last: State | None = None
-    solved: SolvedBody | None = None
-    begun: StepBeginning | None = None
+    too_large: Callable[[], str] = lambda: ""  # by how much the deformation is, in words; "": it is not; collective
+    status: Status | None = None  # of the last attempt; None: it has ended by an error, or there is none
+    certificate: Certificate | None = None  # of the last solution, or the last iterate
+    iterations: int = 0  # of the last attempt
+    linear_solves: int = 0  # likewise
+    failure: str = ""  # how the last attempt has ended that has no solution, in words
+    without: str = ""  # why there may be no solution, in words; "": nothing says so
+    tangent_at: tuple[Array, Array] = field(init=False)  # of the last tangent: values of u, coordinates of tools
+    last: State | None = None  # the last solution that was taken, or what there was before; None: nothing was tried
+    solved: SolvedBody | None = None  # the last solution that was taken, for results
+    begun: StepBeginning | None = None  # where the step of that begins
     timings: Timings = field(default_factory=Timings)
-    farthest: float = 0.0
+    farthest: float = 0.0  # the largest displacement of solutions that were taken, relative to the size of the body
     _tried: Array | None = None  # see ``reason_for_none``
     _mechanics: ResidualMechanics = field(init=False)  # of the certificate
 

@@ -28,17 +28,12 @@ Array = npt.NDArray[np.float64]
 
 @dataclass
 class Residual:
-    """F, and what a user's function does before it is assembled.
-
-    Attributes:
-        update: the user's function; None: the material has no state.
-        loads: forces on the body beside F, at the owned unknowns, shape (owned dofs,); a number: the same at all.
-    """
+    """F, and what a user's function does before it is assembled."""
 
     form: fem.Form
     u: fem.Function
-    update: Callable[[], object] | None
-    loads: Array | float = 0.0
+    update: Callable[[], object] | None  # the user's function; None: the material has no state
+    loads: Array | float = 0.0  # forces on the body beside F, shape (owned dofs,); a number: the same at all
     _slopes: CellSlopes | None = field(default=None, init=False)  # of the mesh where it is
 
     def assembled(self) -> Array:
