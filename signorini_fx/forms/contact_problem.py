@@ -183,6 +183,34 @@ class ProblemOfForms:
 
         return self._through(*begun_path(self.assembled, path, at, folder, restart=restart), on_step)
 
+    def gradient(self, of: Any, by: Any) -> Gradient:
+        """Derivatives of a result of the last solve by Constants of the problem, by one adjoint solve; collective.
+
+            problem.gradient(of=u[1] * ds(top), by=[young, friction])
+
+        Contact forces on a nonlinear body turn with the displacement, and so do derivatives of theirs.
+
+        Args:
+            of: a UFL form of ``u`` without arguments; or a quantity as scenes have it, of a contact by name or number:
+                ``"force 0 y"``, ``"moment 0 z"``, ``"pressure 0 8"``, ``"mean top y"``.
+            by: Constants with one value in the forms, the conditions, or the foundations.
+
+        Raises:
+            RuntimeError: there is no solution; or the result depends on what was there before ``advance``, or of a
+                nonlinear body before the last step, as it does with friction, or a state of the material.
+            FormError: an argument is wrong; there is no contact; or that of a nonlinear body is one of two bodies, or
+                with a foundation that forces move.
+        """
+        if self.status is not Status.CONVERGED:
+            raise RuntimeError("there is no solution to differentiate")
+        if not self.contact:
+            raise FormError([("contact", "there is none: derivatives are those of contact problems")])
+        return add_on("gradient")(of, by, *self._differentiated())
+
+    def _differentiated(self) -> tuple[Any, ...]:
+        """What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data; collective."""
+        raise NotImplementedError
+
     def _through(
         self, path: LoadPath, clock: Clock, stored: MeshCheckpoint | None, on_step: Callable[[StepResult], object]
     ) -> Solution:
@@ -371,26 +399,11 @@ class ContactProblem(ProblemOfForms):
             raise ConvergenceError(solution)
         return solution
 
-    def gradient(self, of: Any, by: Any) -> Gradient:
-        """Derivatives of a result of the last solve by Constants of the problem, by one adjoint solve; collective.
-
-            problem.gradient(of=u[1] * ds(top), by=[young, friction])
-
-        Args:
-            of: a UFL form of ``u`` without arguments; or a quantity as scenes have it, of a contact by name or number:
-                ``"force 0 y"``, ``"moment 0 z"``, ``"pressure 0 8"``, ``"mean top y"``.
-            by: Constants with one value in the forms, the conditions, or the foundations.
-
-        Raises:
-            RuntimeError: there is no solution, or the result depends on what was there before ``advance``.
-            FormError: an argument is wrong.
-        """
+    def _differentiated(self) -> tuple[Any, ...]:
         solver = self.assembled
-        if solver.outcome is None or self.status is not Status.CONVERGED:
+        if solver.outcome is None:
             raise RuntimeError("there is no solution to differentiate")
         if self.tools:
             raise RuntimeError("derivatives by what moves a foundation are those of scenes")
-        if not self.contact:
-            raise FormError([("contact", "there is none: a problem without contact is linear")])
         solved = solver.elastic, solver.task, solver.outcome, solver.begun, self.state, self.u, solver.law_now()
-        return add_on("gradient")(of, by, solver.model, solved, solver.data_now)
+        return solver.model, solved, solver.data_now

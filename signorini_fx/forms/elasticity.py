@@ -372,9 +372,8 @@ def isotropic_moduli(
 
 
 def natural_modulus(law: Law | None, a: Any, measures: set[Any], space: fem.FunctionSpace) -> float | None:
-    """Young's modulus of the stiffest cell, the natural unit of stress, as of a scene: from the stress, or from the
-    form, divided by the UFL that contact is multiplied by; None: it is not isotropic, or cannot be evaluated;
-    collective.
+    """Young's modulus of the stiffest cell, the natural unit of stress: from the stress, or from the form, divided by
+    the UFL that contact is multiplied by; None: it is not isotropic, or cannot be evaluated; collective.
     """
     mesh, dim = space.mesh, space.mesh.geometry.dim
     if law is not None and not measures:

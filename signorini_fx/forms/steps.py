@@ -97,10 +97,7 @@ def begun_path(
     *,
     restart: bool,
 ) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
-    """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective.
-
-    Values of Constants are not compared with those of a checkpoint: certificates judge what is taken from it.
-    """
+    """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective."""
     path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
     clock: Clock
     if isinstance(at, fem.Constant) and at.value.ndim == 0:

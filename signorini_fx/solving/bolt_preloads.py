@@ -65,7 +65,13 @@ def solve_tightened(
         if not slope.size and (SHORTENED_AT_MOST * force < wanted).any():
             loose = np.where(force <= CERTIFICATE_TOLERANCE * wanted, s, 0.0)
             if loose.max() > model.scales.size:
-                reason = _loose(model, [*loads.values()][int(np.argmax(loose))], start)
+                when = f"load step {start.step + 1}: " if model.statement.several_steps else ""
+                message = (
+                    f"{when}{[*loads.values()][int(np.argmax(loose))].name}: no force goes through it even if it is "
+                    "shortened by the size of the body: a part that it pulls at comes loose, or never meets what it is "
+                    "to clamp; check the gaps and the contacts of both parts"
+                )
+                reason = Finding("warning", "preload", message)
                 return model, start, replace(outcome, status=Status.OPEN), reason
             s = s * wanted / np.maximum(force, wanted / SHORTENED_AT_MOST)
             continue
@@ -88,17 +94,6 @@ def _tightened(model: SolidBody, step: float) -> dict[int, Preload]:
 def shortenings(model: SolidBody, step: float) -> list[float]:
     """Those that forces have led to at a place, in the order of ``_tightened``, length."""
     return [model.applied[k].factor(step) for k in _tightened(model, step)]
-
-
-def _loose(model: SolidBody, entry: Preload, start: Start) -> Finding:
-    """What to say of a section that is shortened by more than the size of the body, without any force."""
-    when = f"load step {start.step + 1}: " if model.statement.several_steps else ""
-    message = (
-        f"{when}{entry.name}: no force goes through it even if it is shortened by the size of "
-        "the body: a part that it pulls at comes loose, or never meets what it is to clamp; check the gaps and "
-        "the contacts of both parts"
-    )
-    return Finding("warning", "preload", message)
 
 
 def with_shortenings(model: SolidBody, step: float, lengths: Sequence[float] | Nodal) -> SolidBody:

@@ -162,9 +162,7 @@ class Unsolved:
 
     @classmethod
     def by_outcome(cls, status: Status, mesh: str, *, late: str = "") -> Unsolved | None:
-        """Of a solve that ended without a solution; ``late``: that the time has passed, in words; None where its
-        outcome is what holds of the body.
-        """
+        """Of a solve without a solution; ``late``: that time has passed; None: its outcome is that of the body."""
         if status is Status.NO_MEMORY:
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
         if late:
@@ -175,8 +173,7 @@ class Unsolved:
 
     @classmethod
     def by_error(cls, error: Exception, mesh: str, comm: MPI.Comm) -> Unsolved:
-        """Of an error while a mesh was made or solved, which all ranks have, as those that the package raises on
-        purpose.
+        """Of an error while a mesh was made or solved, which all ranks have.
 
         Raises:
             Exception: the error itself, where it is none of these, or memory of one of several ranks: the others wait.

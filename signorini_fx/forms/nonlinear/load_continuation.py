@@ -27,9 +27,7 @@ _SOLUTION, _TANGENT = "solution", "tangent"
 
 
 class Way(PathIncrements):
-    """A way along a path: a step without a solution is halved, the first one from time 0; after an easy one the next is
-    larger.
-    """
+    """A step without a solution is halved, the first one from time 0; after an easy one the next is larger."""
 
     @property
     def may_halve(self) -> bool:

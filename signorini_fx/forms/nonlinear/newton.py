@@ -221,6 +221,8 @@ class EquilibriumSolver(Stability):
         begun = float(parallel.largest(comm, np.abs(u.x.array), 0.0))
         residual: Array | None = None
         rests = False
+        follows = linear.foundations.moving or any(entry.sliding for entry in linear.contact)
+        is_linear = not follows and self.residual.update is None and self.tangents.bilinear is not None
         for iteration in range(1, self.max_newton + 1):
             self.iterations = iteration
             old, tools = self.tangent_at = u.x.array.copy(), linear.foundations.coordinates
@@ -254,7 +256,7 @@ class EquilibriumSolver(Stability):
             least = change <= self._least_increment
             keeps = length == 1.0 and change <= min(KEPT_TANGENT[0] * size, KEPT_TANGENT[1] * last_change)
             shortened, last_change = self.tangents.given and 2 * change < last_change, change
-            ends = small or (length == 1.0 and self._is_linear)
+            ends = small or (length == 1.0 and is_linear)
             if ends or (least and not (shortened and iteration < self.max_newton)):
                 status = self._judge(residual)
                 if status is not Status.NOT_CERTIFIED or self.certificate is None:
@@ -266,12 +268,6 @@ class EquilibriumSolver(Stability):
                 else:
                     u.x.array[:], residual, keeps, rests = 0.0, None, False, True
         return Status.NOT_SOLVED
-
-    @property
-    def _is_linear(self) -> bool:
-        """Whether F is affine in the displacement, without a state, and contact is that of the undeformed body."""
-        follows = self.linear.foundations.moving or self.linear.foundations.sliding
-        return not follows and self.residual.update is None and self.tangents.bilinear is not None
 
     def _not_solved(self, inner: Status) -> Status:
         """How a solve ends whose linear contact problem has no solution, which proves little of the body itself."""

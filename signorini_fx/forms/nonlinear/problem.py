@@ -15,7 +15,6 @@ import ufl
 from dolfinx import fem
 
 from signorini_fx.errors import FormError
-from signorini_fx.extensions import add_on
 from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.given_forms import foundations_of, model_of, named_parts, space_of, supported
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
@@ -35,7 +34,6 @@ from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.mechanics.statement.values import kind_of
-from signorini_fx.quantities.differentiable import Gradient
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import ConvergenceError, Solution
@@ -48,11 +46,7 @@ MOST_ITERATIONS = 30
 
 
 def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tuple[Foundation | Pair, ...]:
-    """The foundations and pairs, if the arguments fit each other.
-
-    Raises:
-        FormError: they do not.
-    """
+    """The foundations and pairs; a FormError says that the arguments do not fit each other."""
     problems = list[tuple[str, str]]()
     kept = "give sliding = False"
     problems += [
@@ -259,24 +253,9 @@ class NonlinearContactProblem(ProblemOfForms):
         """Where the foundations are that forces move: in the last solution, by how much they have moved."""
         return self.linear.foundations.rigid_bodies.motions
 
-    def gradient(self, of: Any, by: Any) -> Gradient:
-        """Derivatives of a result of the last solution by Constants of the problem, see ``ContactProblem.gradient``;
-        collective.
-
-        Contact forces turn with the displacement, and so do derivatives of theirs.  After ``run`` the result must not
-        depend on the step before the last one, as it does with friction.
-
-        Raises:
-            RuntimeError: see ``ContactProblem.gradient``; or a material has a state from an earlier step.
-            FormError: an argument is wrong; contact is one of two bodies, or with a foundation that forces move.
-        """
-        if self._solver.solved is None or self.status is not Status.CONVERGED:
-            raise RuntimeError("there is no solution to differentiate")
-        if not self.contact:
-            raise FormError([("contact", "there is none: the adjoint problem is that of the tangent alone")])
+    def _differentiated(self) -> tuple[Any, ...]:
         named, linear = self.solution.model, self.linear.assembled_elsewhere()
-        solved = linearised_at(self._solver, linear)
-        return add_on("gradient")(of, by, lambda: named, solved, linear.data_now)
+        return lambda: named, linearised_at(self._solver, linear), linear.data_now
 
     def solve(self) -> fem.Function:
         """Solve with the values that Constants, Functions, conditions and shapes have now, return ``u``; collective.

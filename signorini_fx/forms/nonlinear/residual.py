@@ -42,9 +42,7 @@ class Residual:
 
     def at(self, values: Array) -> Array | None:
         """F at the owned unknowns for values of ``u``, ghosts included, which it gets; None: it is not finite there, or
-        cells are turned inside out; collective.
-
-        Raises FormError: ``update`` has raised an exception.
+        cells are turned inside out; a FormError says that ``update`` has raised an exception; collective.
         """
         self.go_to(values)
         forces = self.assembled()
@@ -218,11 +216,7 @@ def round_off(residual: Residual, forces: Array) -> Array:
 
 
 def refuse_miscompiled(F: Any, residual: fem.Form, u: fem.Function, options: dict[str, Any]) -> None:
-    """Compare a compiled residual with the sum of its integrals by each quadrature rule, where F has several;
-    collective.
-
-    Raises FormError: they differ.
-    """
+    """Raise a FormError if F has several rules of quadrature, and its compiled sum is not that of each; collective."""
     rules: dict[Any, list[Any]] = {}
     for integral in F.integrals():
         rules.setdefault(integral.metadata().get("quadrature_degree"), []).append(integral)
