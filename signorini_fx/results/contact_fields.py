@@ -124,9 +124,7 @@ def boundary_fields(
 def _nodes_of_parent(
     part: fem.FunctionSpace, parent: fem.FunctionSpace, facets: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.int32]:
-    """The node of the parent at each node of each cell of the part, shape (cells, nodes of a cell), by position: the
-    order of both within a facet differs between kinds of cells and releases of dolfinx.
-    """
+    """The parent's node at each node of each cell of the part, by position: orders in facets differ between cells."""
     parent_nodes, part_nodes = facet_nodes(parent, facets), part.dofmap.list
     if facets.size == 0:
         return np.zeros_like(part_nodes)

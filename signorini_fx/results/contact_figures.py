@@ -96,10 +96,7 @@ def _moment_about_middle(contact: ContactState, part: int) -> tuple[float | list
 
 
 def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Comm) -> float:
-    """The sum of the largest shears of points with friction axes in the direction of a resultant; ``tangents``: the
-    semi-axes of each point for a bound of one, shape (n, 3, 2); ``resultant``: of the shear, zero: the largest force in
-    any direction of the axes is meant; collective.
-    """
+    """The sum of the largest shears in the direction of a resultant, zero: in any; ``tangents``: the semi-axes."""
     lengths = np.linalg.norm(tangents, axis=1)
     largest = lengths.max(axis=1)
     if resultant.any():

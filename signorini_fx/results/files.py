@@ -219,11 +219,7 @@ class _Written:
         self._on_root(lambda: (self.folder.part / SUMMARY).write_text(text + "\n", encoding="utf-8"))
 
     def _on_root(self, write: Callable[[], object]) -> None:
-        """Write files on the first rank.
-
-        Raises:
-            OutputError: the system refuses it.
-        """
+        """Write files on the first rank."""
 
         def attempt() -> None:
             try:

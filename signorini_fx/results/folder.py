@@ -159,11 +159,7 @@ class ResultFolder:
 
 
 def _lock(descriptor: int) -> None:
-    """Lock the folder, or go on without a lock if the file system has none.
-
-    Raises:
-        BlockingIOError: another process holds the lock.
-    """
+    """Lock the folder, or go on without a lock if the file system has none."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:

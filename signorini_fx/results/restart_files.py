@@ -216,10 +216,7 @@ class Checkpoint:
 
 
 def _by_cell(function: fem.Function) -> Nodal:
-    """The values of a function in each cell, in the order of the input of the mesh, on the first rank; collective.
-
-    Up to degree 2, and only there, the order of nodes in a cell does not depend on how the mesh is distributed.
-    """
+    """Values in each cell on the first rank, in the order of the input: up to degree 2 that of nodes is the same."""
     space, comm = function.function_space, function.function_space.mesh.comm
     cells = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
     values = function.x.array.reshape(-1, space.dofmap.index_map_bs)[space.dofmap.list[:cells]]
@@ -228,13 +225,7 @@ def _by_cell(function: fem.Function) -> Nodal:
 
 
 def _read_field(path: Path, function: fem.Function) -> None:
-    """Read what ``_by_cell`` has given, in all cells of this rank, those of other ranks that it knows too.
-
-    Raises:
-        OSError: it cannot be read.
-        ValueError: it is another array, or part of one.
-        EOFError: it is empty.
-    """
+    """Read what ``_by_cell`` has given, in all cells of this rank, those of other ranks that it knows too."""
     space, topology = function.function_space, function.function_space.mesh.topology
     nodes, size = np.asarray(space.dofmap.list), space.dofmap.index_map_bs
     stored = np.load(path, mmap_mode="r")
@@ -280,11 +271,7 @@ def _differences(stored: Any, current: Any, key: str = "") -> Iterator[tuple[str
 def _placed(
     stored: Mapping[str, Nodal], boundary: ContactBoundary, displacement: fem.Function, size: float
 ) -> dict[str, Nodal] | None:
-    """The stored values at the contact nodes of this rank; None if they belong to other nodes.
-
-    Nodes are found by position; where two bodies touch each other, two nodes have the same one, and another
-    displacement.
-    """
+    """Stored values at contact nodes, found by position and displacement; None if they belong to other nodes."""
     moved = displacement.x.array.reshape(-1, boundary.x.shape[1])[boundary.nodes]
     far = float(np.abs(stored["y"]).max(initial=0.0)) or 1.0
 

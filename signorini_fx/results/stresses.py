@@ -368,9 +368,7 @@ class RawStresses(StressFields):
         return self._told(largest)
 
     def _told(self, extreme: Extreme, *, finite: bool = True) -> dict[str, Any]:
-        """An extreme, with the part of the body, if there are several, and of a linear one why there is no limit;
-        nothing of both where the forms alone are known; ``finite``: whether the displacement is; JSON-safe; collective.
-        """
+        """An extreme, with the part of several, and of a linear body why there is no limit; JSON-safe; collective."""
         told: dict[str, Any] = {"value": extreme.value, "place": [*extreme.place]}
         if (model := self.model) is None:
             return told

@@ -331,10 +331,6 @@ def columns_of(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, 
 
 
 def _own_value(quantity: Quantity, solution: Solution) -> Any:
-    """The value of a quantity of one's own, as JSON has it.
-
-    Raises:
-        ValueError: it is no number, and no list of numbers.
-    """
+    """The value of a quantity of one's own, as JSON has it."""
     adapter: TypeAdapter[Any] = TypeAdapter(float | list[float] | None)
     return adapter.validate_python(quantity.value(solution), strict=True)

@@ -69,9 +69,7 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
 def _faults(
     law: FrictionLaw, pressure: Array, limit: Array, derivative: Array, envelope: Array, round_off: Array
 ) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
-    """What is wrong in words, with places for law and pressure, and where, shape (k, m), as that of limit, derivative
-    and envelope at m points under k pressures that ascend from zero; ``round_off`` is that of the bound, shape (m,).
-    """
+    """What is wrong in words, with places for law and pressure, and where: k ascending pressures, m points, (k, m)."""
     yield "limit of {law} is not finite at the pressure {pressure:g}", ~np.isfinite(limit)
     yield "limit of {law} is negative at the pressure {pressure:g}", limit < 0
     infinite = ~(np.isfinite(derivative) | ((pressure == 0) & np.isposinf(derivative)))  # such as that of a root

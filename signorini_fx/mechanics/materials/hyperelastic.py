@@ -163,10 +163,7 @@ class Ogden(Hyperelastic):
 
 
 def _beyond_mean(ratio: Any, power: float) -> Any:
-    """((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL: smooth in r^2, but r is not smooth where it vanishes.
-
-    There its Taylor series in r^2 takes its place, up to the fourth power, which errs by round-off.
-    """
+    """((1 + r)^p + (1 - r)^p)/2 - 1 with r^2 = ``ratio``, UFL; near 0, where r is not smooth, its series in r^2."""
     import ufl
 
     near, far = ufl.lt(ratio, EQUAL_STRETCHES**2), ufl.conditional(ufl.lt(ratio, EQUAL_STRETCHES**2), 1, ratio)

@@ -488,9 +488,7 @@ class Foundations:
 
 
 def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:
-    """Normals, shape (n, d), without their radial components on an axis of revolution, where x[0] = 0: the mean all
-    around the tip of a cone is along the axis.
-    """
+    """Normals without radial components on an axis of revolution: all around the tip of a cone their mean is axial."""
     axial = np.where(on_axis[:, None] & (np.arange(normal.shape[1]) == 0), 0.0, normal)
     size = np.linalg.norm(axial, axis=1, keepdims=True)
     return np.where(size > ROOT_OF_EPS, axial / np.maximum(size, ROOT_OF_EPS), normal)

@@ -390,9 +390,7 @@ class PairedSides:
         return JointStiffness(sides.nodes, sp.csr_array(matrix + matrix.T))
 
     def _at_partners(self, master: PairSurface) -> Array:
-        """Sums of the normals of the master at the partners of the points, shape (n, d): those of both halves beside a
-        plane of symmetry have nothing across it.
-        """
+        """Sums of the normals of the master at the partners of the points; none across planes of symmetry."""
         sums = self.coupling.master @ master.directions
         return np.asarray(sums - np.einsum("nij,nj->ni", self.across, sums))
 
@@ -451,11 +449,7 @@ class MovingPair:
     begun: Frames
 
     def __init__(self, sides: FacingSides, reach: float | None) -> None:
-        """Two sides, undeformed; ``reach``: None: a default.
-
-        Raises:
-            FormError: the sides share nodes, or no node can carry a point.
-        """
+        """Two sides, undeformed; ``reach``: None: a default."""
         surface, name = sides.slave.surface, f"contact[{sides.index}]"
         if np.intersect1d(sides.slave.nodes, sides.master.nodes).size:
             raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])

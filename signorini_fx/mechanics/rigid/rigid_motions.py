@@ -272,9 +272,7 @@ def _at_supports(
     turned: TurnedNodes | None,
     comm: MPI.Comm,
 ) -> tuple[_Floats, _Floats]:
-    """Products of the motions of each piece with each other at its prescribed components, shape (p, m, m), and with
-    what is prescribed there, shape (p, m); collective.  The arguments are those of ``nearest_motion``.
-    """
+    """Products of motions with each other at prescribed components, (p, m, m), and with what is prescribed, (p, m)."""
     node, component = np.nonzero(fixed)
     columns, piece = np.concatenate((motions.modes(node), prescribed[node][:, :, None]), axis=2), motions.piece[node]
     if turned is not None:

@@ -222,9 +222,7 @@ class StraightPieces:
         return signed, normal
 
     def _nearest(self, x: Array) -> tuple[Rows, Array]:
-        """The closest piece of each point, the first one of several, and the place of the closest point on it, both of
-        shape (n,), for points of shape (n, 2).
-        """
+        """The closest piece of each point, the first one of several, and the place of the closest point on it."""
         chosen, place = np.zeros(len(x), dtype=np.int64), np.zeros(len(x))
         for batch in np.array_split(np.arange(len(x)), 1 + x.size * len(self._begin) // _AT_A_TIME):
             away = x[batch, None] - self._begin

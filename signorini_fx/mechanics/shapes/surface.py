@@ -52,11 +52,7 @@ class ClosedSurface(Shape):
 
     @property
     def _surface(self) -> Any:
-        """The surface, which is read once.
-
-        Raises:
-            MeshError: the file cannot be read, its surface is not closed, or VTK is missing.
-        """
+        """The surface, which is read once."""
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         return surface_of(self.file, self.size, changed)
 

@@ -148,11 +148,7 @@ class _Evaluator:
         raise ValueError(f"{name!r} of {count} arguments is not available")
 
     def _compare(self, op: ast.cmpop, left_operand: ast.expr, right_operand: ast.expr) -> Any:
-        """A comparison in which numbers are equal that are so but for round-off.
-
-        Where a load jumps at a point of quadrature, its value would otherwise be another one in each program that
-        computes the position of that point.
-        """
+        """A comparison but for round-off: else a jump at a point of quadrature depends on who computes its position."""
         if not isinstance(op, ast.Lt | ast.LtE | ast.Gt | ast.GtE):
             raise ValueError(f"comparison {type(op).__name__} is not available: use <, <=, >, >=")
         if isinstance(op, ast.Gt | ast.GtE):

@@ -203,10 +203,8 @@ class _Place:
 
     @property
     def grows(self) -> bool:
-        """Whether the pressure grows with every refinement, on the last meshes by about the same power.
-
-        Elsewhere than at a corner a pressure may grow until the mesh resolves it: then it must do so twice as often.
-        """
+        """Whether the pressure grows with every refinement, on the last meshes by about the same power."""
+        # Elsewhere than at a corner a pressure may grow until the mesh resolves it.
         meshes = GROWING_MESHES if self.corner else 2 * GROWING_MESHES
         powers = self.growth[-meshes:]
         lasting = np.isfinite(powers).all() and len(powers) == meshes and powers[-1] > LASTING_SHARE * powers[0]

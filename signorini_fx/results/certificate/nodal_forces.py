@@ -75,11 +75,7 @@ class NodalForces(BodyNodes):
         return given_strains(self._on.statement, self.tagged, self.space)
 
     def _take(self, displacement: fem.Function) -> None:
-        """Evaluate all forms at a displacement.
-
-        Raises:
-            ValueError: it is without a pressure that belongs to it.
-        """
+        """Evaluate all forms at a displacement."""
         if self._on.elastic.pressed:
             from signorini_fx.mechanics.elasticity.mixed_pressure import hydrostatic_of
 
@@ -95,10 +91,7 @@ class NodalForces(BodyNodes):
         return strain, jump, acting[0].degree(self.statement.element.degree) if acting else 0
 
     def _compiled(self, name: Hashable, terms: Callable[[], Sequence[Any]]) -> Sequence[fem.Form]:
-        """The compiled forms of some terms, or forms as they are, which are made once.
-
-        Each is compiled by itself: FFCx 0.9 compiles one of one point beside another one wrongly.
-        """
+        """Terms compiled once, each by itself: FFCx 0.9 compiles a form of one point beside another one wrongly."""
         if name not in self._of_forms:
             stated = [term for term in terms() if term is not None]
             with compiling():
