@@ -76,27 +76,21 @@ def _grid(moment: Solution) -> tuple[Array, Array, int, dict[str, Array]]:
     return points[cells.ravel()], np.arange(cells.size).reshape(cells.shape), kind, values
 
 
-def _fields(solution: Solution) -> dict[str, fem.Function]:
-    """Every field under its name; collective."""
-    fields = {"displacement": solution.displacement}
-    if (stress := solution.known_stress) is None:
-        return fields
-    fields |= {"stress": stress.tensor, "von_mises": stress.von_mises, "principal_stresses": stress.principal}
-    if stress.stress.shear_modulus is not None:
-        fields["density"] = stress.shear_energy_density
-    if stress.plastic_strain is not None:
-        fields["plastic_strain"] = stress.plastic_strain
-    # The same fields in all load steps: those of recovery need finite values, which only a failed first step lacks.
-    if stress.recovers and not parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all()):
-        fields |= {"recovered_stress": stress.recovered.tensor, "recovered_von_mises": stress.recovered.von_mises}
-    return fields
-
-
 def fields_in_cells(solution: Solution) -> dict[str, fem.Function]:
     """Every field under its name, in discontinuous functions of the degree of the element; collective."""
     mesh, degree = solution.model.tagged.mesh, solution.model.space.element.basix_element.degree
-    fields = {}
-    for name, function in _fields(solution).items():
+    y, stress, fields = solution.displacement, solution.known_stress, dict[str, fem.Function]()
+    known = {"displacement": y}
+    if stress is not None:
+        known |= {"stress": stress.tensor, "von_mises": stress.von_mises, "principal_stresses": stress.principal}
+        if stress.stress.shear_modulus is not None:
+            known["density"] = stress.shear_energy_density
+        if stress.plastic_strain is not None:
+            known["plastic_strain"] = stress.plastic_strain
+        # The same fields in all load steps: those of recovery need finite values, which only a failed first step lacks.
+        if stress.recovers and not parallel.any_rank(solution.comm, not np.isfinite(y.x.array).all()):
+            known |= {"recovered_stress": stress.recovered.tensor, "recovered_von_mises": stress.recovered.von_mises}
+    for name, function in known.items():
         space = fem.functionspace(mesh, ("DG", degree, function.ufl_shape))
         fields[name] = fem.Function(space, name=name)
         fields[name].interpolate(function)

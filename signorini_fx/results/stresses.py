@@ -149,7 +149,9 @@ class StressFields:
         return extremes
 
     def _extreme(self, field: str, component: int, *, sign: float) -> Extreme:
-        check_has_extremes(field)
+        if field not in ("von_mises", "principal", *COMPONENTS):
+            known = f"'von_mises', 'principal' or one of {', '.join(COMPONENTS)}"
+            raise ValueError(f"{field!r} is no field with extremes: take {known}")
         sampled = self._sampled()
         if field in COMPONENTS:
             values = sampled[:, *COMPONENTS[field]]
@@ -394,17 +396,6 @@ def principal_of(sigma: Nodal) -> Nodal:
     values = np.full((len(sigma), 3), np.nan)
     values[finite] = np.linalg.eigvalsh(sigma[finite])[:, ::-1]
     return values
-
-
-def check_has_extremes(field: str) -> None:
-    """Refuse what is no field of ``StressFields.largest``.
-
-    Raises:
-        ValueError: it is none.
-    """
-    if field not in ("von_mises", "principal", *COMPONENTS):
-        components = ", ".join(COMPONENTS)
-        raise ValueError(f"{field!r} is no field with extremes: take 'von_mises', 'principal' or one of {components}")
 
 
 def extreme_at(mesh: dmesh.Mesh, values: Nodal, x: Nodal, cell_of: Callable[[int], Any], sign: float) -> Extreme:

@@ -41,8 +41,8 @@ class Plane(Shape):
         return (x - np.array(self.point)) @ normal, np.broadcast_to(normal, x.shape)
 
 
-class Ball(Shape):
-    """All points that are closer to a centre than a radius, in 2D or in 3D.
+class Round(Shape):
+    """All points that are closer to a centre, or to an axis through it, than a radius.
 
     Attributes:
         centre: its centre, length.
@@ -61,7 +61,7 @@ class Ball(Shape):
         return size - self.radius, normal
 
 
-class Circle(Ball):
+class Circle(Round):
     """A circle in 2D: a cylinder across it."""
 
     exists_in = (2,)
@@ -69,7 +69,7 @@ class Circle(Ball):
     shape: Literal["circle"] = "circle"
 
 
-class Sphere(Ball):
+class Sphere(Round):
     """A sphere."""
 
     exists_in = (3,)
@@ -77,7 +77,7 @@ class Sphere(Ball):
     shape: Literal["sphere"] = "sphere"
 
 
-class Cylinder(Shape):
+class Cylinder(Round):
     """A cylinder without ends.
 
     Attributes:
@@ -89,13 +89,7 @@ class Cylinder(Shape):
     exists_in = (3,)
 
     shape: Literal["cylinder"] = "cylinder"
-    centre: Vector
     axis: Direction
-    radius: Positive
-
-    @property
-    def inradius(self) -> float:
-        return math.inf if self.hollow else self.radius
 
     def initial(self, x: Array) -> tuple[Array, Array]:
         away, axis = x - np.array(self.centre), unit(self.axis)

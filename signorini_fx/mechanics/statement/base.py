@@ -124,10 +124,9 @@ def plain_message(detail: Any) -> str:
             return "must be a list in brackets, such as [0.5, 1.0]"
         case {"type": "too_short", "ctx": {"min_length": least, "actual_length": count}}:
             return f"must have at least {_entries(least)}, got {count}"
-        case {"type": "too_long", "ctx": {"max_length": most, "actual_length": count}} if count is not None:
-            return f"must have at most {_entries(most)}, got {count}"
-        case {"type": "too_long", "ctx": {"max_length": most}}:
-            return f"must have at most {_entries(most)}"
+        case {"type": "too_long", "ctx": {"max_length": most, **further}}:
+            count = further.get("actual_length")
+            return f"must have at most {_entries(most)}" + (f", got {count}" if count is not None else "")
         case {"type": "dict_type" | "mapping_type"}:
             return "must be a table"
         case {"type": "union_tag_invalid", "ctx": {"tag": tag, "expected_tags": known}}:
@@ -219,19 +218,11 @@ def _meant(key: str, model: type[BaseModel]) -> str:
     return f": did you mean {similar[0]!r}?"
 
 
-def _tables_in(annotation: Any) -> set[type[BaseModel]]:
-    """The tables that an annotation allows."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return {annotation}
-    return set().union(*map(_tables_in, get_args(annotation)))
-
-
 def tables(annotation: Any) -> set[type[BaseModel]]:
     """The tables that an annotation allows, and those in them."""
-    direct_tables = _tables_in(annotation)
-    return direct_tables.union(
-        *(tables(field.annotation) for table in direct_tables for field in table.model_fields.values())
-    )
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return {annotation}.union(*(tables(field.annotation) for field in annotation.model_fields.values()))
+    return set().union(*map(tables, get_args(annotation)))
 
 
 def _keys(model: type[BaseModel]) -> set[str]:

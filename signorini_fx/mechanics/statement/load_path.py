@@ -85,9 +85,8 @@ class LoadPath:
     from_nothing: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("times", "names"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "times", tuple(map(float, self.times)))
+        object.__setattr__(self, "names", tuple(self.names))
         problems = []
         if not self.times or not all(map(isfinite, self.times)) or (np.diff(self.times) <= 0).any():
             problems.append(("times", f"must be finite and increase, and there must be one, got {list(self.times)}"))

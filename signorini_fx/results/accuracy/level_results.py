@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.algebra.algorithms.path_following import path_model
-from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.linalg import petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.choice import krylov_from
@@ -71,17 +70,6 @@ class LevelResult:
         return 2 if self.table.facets is None else 3
 
 
-def make_ready(newton: SemismoothNewton) -> None:
-    """Factorise the matrix of an iterate from a checkpoint, with which nothing has been solved; collective."""
-    problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
-    if jacobian.handle not in problem.tangent.factorised:
-        newton.pose(problem.data, problem.sets)
-        problem.assemble_jacobian(newton.snes, newton.x, jacobian)
-        problem.factorised(jacobian)
-        with petsc_options.defaults():
-            petsc_calls.solve(newton.snes.getKSP().setUp)
-
-
 def _spacing(table: ContactTable, *, revolved: bool) -> float:
     """The mean length, or the side of the mean area, that belongs to a contact node."""
     weight = table.columns["weight"]
@@ -114,7 +102,13 @@ def level_result(
     shifted = data is not None and parallel.any_rank(body.comm, bool(data.lambda_hat.any()))
     if task is not None and data is not None and not shifted and np.isfinite(data.gamma_n) and size > 0:
         newton = task.unsymmetric_newton if data.follows is not None else task.newton
-        make_ready(newton)
+        problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
+        if jacobian.handle not in problem.tangent.factorised:  # of a checkpoint, with which nothing has been solved
+            newton.pose(problem.data, problem.sets)
+            problem.assemble_jacobian(newton.snes, newton.x, jacobian)
+            problem.factorised(jacobian)
+            with petsc_options.defaults():
+                petsc_calls.solve(newton.snes.getKSP().setUp)
         model = path_model(newton, data)
         pressure = contacts[-1].points.norm(contacts[-1].pressure)
         regularisation = model.distance / size
