@@ -32,7 +32,9 @@ class ProgressLine:
         self._shown = False
         self._next = 0.0
         self._begin = ""  # mesh or load step
-        self._display = _display_of_a_notebook()
+        interactive: Any = sys.modules.get("IPython")
+        in_notebook = interactive is not None and hasattr(interactive.get_ipython(), "kernel")
+        self._display = interactive.display.display if in_notebook else None  # shows below the cell that runs
         self._output: Any = None
         seen = self._display is not None or terminal.is_terminal(sys.stderr)
         self._silent = not (parallel.is_root(MPI.COMM_WORLD) and seen)
@@ -69,10 +71,3 @@ class ProgressLine:
             self._output = self._display({"text/plain": text}, raw=True, display_id=True)
         else:
             self._output.update({"text/plain": text}, raw=True)
-
-
-def _display_of_a_notebook() -> Any:
-    """The function that displays something below the cell that runs; None outside of a notebook."""
-    interactive = sys.modules.get("IPython")
-    shell = None if interactive is None else interactive.get_ipython()
-    return interactive.display.display if interactive is not None and hasattr(shell, "kernel") else None

@@ -89,7 +89,13 @@ def _step_summary(solution: Solution, findings: list[dict[str, Any]], *, figures
         "status": result.status.value,
         "linear_solves": result.linear_solves,
     }
-    for name, value in columns_of(solution, findings).items():
+    columns, rows = of_step(solution), list[dict[str, Any]]()
+    for quantity in own_quantities():
+        value = post_processing(solution.comm, quantity.key, rows, partial(_own_value, quantity, solution))
+        if isinstance(value, float):
+            columns[quantity.key] = value
+    findings += [told for told in rows if told not in findings]  # once for all load steps
+    for name, value in columns.items():
         row[name] = value if figures or not isinstance(value, float) else float("nan")
     return row
 
@@ -317,17 +323,6 @@ def proved(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]
         message = f"there is no guaranteed bound: {statement.removeprefix(NO_BOUND)}"
         findings.append(asdict(Finding("warning", "error_bound", message)))
     return entries
-
-
-def columns_of(solution: Solution, findings: list[dict[str, Any]]) -> dict[str, Any]:
-    """The columns of a load step; a quantity of one's own that fails has none, which is told once; collective."""
-    columns, rows = of_step(solution), list[dict[str, Any]]()
-    for quantity in own_quantities():
-        value = post_processing(solution.comm, quantity.key, rows, partial(_own_value, quantity, solution))
-        if isinstance(value, float):
-            columns[quantity.key] = value
-    findings += [row for row in rows if row not in findings]
-    return columns
 
 
 def _own_value(quantity: Quantity, solution: Solution) -> Any:

@@ -11,11 +11,7 @@ from signorini_fx.mechanics.laws.protocol import Array, Envelope, FrictionLaw, P
 
 
 class NoFriction(FrictionLaw):
-    """Frictionless contact.
-
-    Attributes:
-        law: its name.
-    """
+    """Frictionless contact."""
 
     follows_pressure: ClassVar[bool] = False
     law: Literal["none"] = "none"
@@ -32,7 +28,6 @@ class Tresca(DirectedLaw):
     """Tresca friction: |mu| <= bound (2.3d').
 
     Attributes:
-        law: its name.
         bound: largest shear, stress.
     """
 
@@ -52,7 +47,6 @@ class Coulomb(DirectedLaw):
     """Coulomb friction: |mu| <= min(cohesion + coefficient * lambda, cap) in contact, (1.1e) and (1.1f).
 
     Attributes:
-        law: its name.
         coefficient: F, without unit.
         cap: largest shear that the contact can transmit, stress; None: no such limit.
         cohesion: shear that it transmits without pressure, stress, until it opens; None: none.

@@ -53,11 +53,21 @@ class Supports:
         tagged: TaggedMesh,
     ) -> Supports:
         """Those of a scene; collective."""
-        place = statement, space, facets, tagged
+        from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
+
+        place, dim, turned = (statement, space, facets, tagged), space.mesh.geometry.dim, None
         conditions, skew = conditions_on(*place)
-        owned = space.dofmap.index_map.size_local * space.mesh.geometry.dim
-        fixed = prescribed(space, [condition for _, condition in conditions])[0][:owned]
-        return cls(conditions, skew, turned_nodes(statement, space, conditions, skew, fixed), fixed, place)
+        owned = space.dofmap.index_map.size_local
+        fixed = prescribed(space, [condition for _, condition in conditions])[0][: owned * dim]
+        if skew:
+            axes = np.full((len(node_positions(space)), dim), -1)
+            position = {id(effect): index for index, effect in enumerate((*statement.displacement, _ON_AXIS))}
+            for effect, condition in conditions:
+                axes.reshape(-1)[condition.dof_indices()[0]] = position[id(effect)]
+            turned = TurnedNodes.of(skew, axes)
+            on_rank = turned.nodes < owned
+            fixed.reshape(-1, dim)[turned.nodes[on_rank]] = turned.fixed[on_rank]
+        return cls(conditions, skew, turned, fixed, place)
 
     def at(self, step: float) -> tuple[Conditions, TurnedNodes | None]:
         """The conditions and the turned nodes at a place in the lists of factors; collective."""
@@ -176,29 +186,6 @@ def prescribed(
         condition.set(values)
         fixed[condition.dof_indices()[0]] = True
     return fixed, values
-
-
-def turned_nodes(
-    statement: Statement,
-    space: fem.FunctionSpace,
-    supports: Conditions,
-    skew: list[SkewSupport],
-    fixed: npt.NDArray[np.bool_],
-) -> TurnedNodes | None:
-    """The nodes with skew supports, whose entries of ``fixed`` become those of their frames; None: there are none."""
-    from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
-
-    if not skew:
-        return None
-    dim = space.mesh.geometry.dim
-    axes = np.full((len(node_positions(space)), dim), -1)
-    position = {id(effect): index for index, effect in enumerate((*statement.displacement, _ON_AXIS))}
-    for effect, support in supports:
-        axes.reshape(-1)[support.dof_indices()[0]] = position[id(effect)]
-    turned = TurnedNodes.of(skew, axes)
-    on_rank = turned.nodes < fixed.size // dim
-    fixed.reshape(-1, dim)[turned.nodes[on_rank]] = turned.fixed[on_rank]
-    return turned
 
 
 def at_rest(

@@ -32,7 +32,6 @@ class NeoHooke(Hyperelastic):
         young: Young's modulus at small strains, stress.
         poisson: Poisson's ratio at small strains, in (-1, 0.5).
         isochoric: which energy: the second one is that of Abaqus, Ansys and CalculiX, with C10 = mu/2, D1 = 2/kappa.
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     law: Literal["neo-hooke"]
@@ -66,7 +65,6 @@ class MooneyRivlin(Hyperelastic):
         c10: C10, stress.
         c01: C01, stress; both are not negative, and the shear modulus at small strains is twice their sum.
         bulk: bulk modulus kappa, stress; 2 / D1 of Abaqus and CalculiX.
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     law: Literal["mooney-rivlin"]
@@ -112,7 +110,6 @@ class Ogden(Hyperelastic):
             mu_p alpha_p.
         alpha: the exponents alpha_p, as many.
         bulk: bulk modulus kappa, stress; 2 / D1 of Abaqus and CalculiX.
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     law: Literal["ogden"]
@@ -186,7 +183,6 @@ class SaintVenantKirchhoff(Hyperelastic):
         law: its name.
         young: Young's modulus, stress.
         poisson: Poisson's ratio, in (-1, 0.5).
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     splits: ClassVar[bool] = False

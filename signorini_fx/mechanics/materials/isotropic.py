@@ -20,7 +20,6 @@ class LinearElastic(Material):
         young: Young's modulus E > 0, stress, which ``grading`` multiplies.
         poisson: Poisson's ratio nu in (-1, 0.5); 0.5 too in plane stress, and with a pressure as an unknown.
         yield_stress: by von Mises, a stress, which gives ``utilisation`` and changes nothing else; None: not known.
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     isotropic: ClassVar[bool] = True

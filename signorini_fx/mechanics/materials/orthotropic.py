@@ -136,7 +136,6 @@ class OrthotropicElastic(Material):
 
     Attributes:
         orthotropic: its constants and the directions of its axes.
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     orthotropic: Orthotropic

@@ -31,7 +31,6 @@ class J2(PathDependent):
         yield_stress: by von Mises, at first, stress.
         hardening: by how much the yield stress grows per accumulated plastic strain, a stress; or rows [plastic strain,
             yield stress] of a table, between which it is linear; beyond the last one it is constant.
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     state_size: ClassVar[int] = 10
@@ -113,7 +112,6 @@ class Maxwell(PathDependent):
         poisson: Poisson's ratio of the spring, in (-1, 0.5).
         branches: rows [G_i, tau_i], the shear modulus that a branch adds at first, stress, and the time in which its
             stress falls to 1/e of itself.
-        hypothesis, torsion, grading, density, expansion, region: see ``Material``.
     """
 
     law: Literal["maxwell"]

@@ -35,6 +35,8 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
     """Each with the key that asks for it."""
     solver, accuracy, element = statement.solver, statement.accuracy, statement.element
     of = None if accuracy is None else accuracy.of
+    # Cells of drawings, and of generators, may be made anew instead.
+    divides = accuracy is not None and accuracy.refinement == "adaptive" and not statement.remade
     of_contact = of not in (None, "energy") and element.volumetric in ("full", "mixed")
     locking = of_contact and any(material.locks for material in statement.material)
     for name, path, used in (
@@ -47,8 +49,8 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         ("accuracy of the energy", ("accuracy", "of"), of == "energy"),
         ("accuracy of the zone or the peak", ("accuracy", "of"), of in ("zone", "peak")),
         ("accuracy of contact on cells that lock", ("accuracy", "of"), locking),
-        ("local refinement", ("accuracy", "refinement"), _divides_cells(statement)),
-        ("local refinement for contact", ("accuracy", "refinement"), _divides_cells(statement) and of != "energy"),
+        ("local refinement", ("accuracy", "refinement"), divides),
+        ("local refinement for contact", ("accuracy", "refinement"), divides and of != "energy"),
         ("statement of an error bound", ("solver", "error_bound"), solver.error_bound),
         ("several bodies", ("body",), bool(statement.bodies)),
         ("mesh that no generator makes", ("mesh",), not statement.generated),
@@ -59,12 +61,6 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
         for number, entry in enumerate(entries):
             for name, keys in entry.features:
                 yield name, (kind, number, *keys)
-
-
-def _divides_cells(statement: Any) -> bool:
-    """Whether cells are to be divided where the error is; those of drawings, and of generators, may be made anew."""
-    accuracy = statement.accuracy
-    return accuracy is not None and accuracy.refinement == "adaptive" and not statement.remade
 
 
 def refused_by(statement: Any, refuses: Mapping[str, str]) -> Contradictions:
@@ -78,12 +74,12 @@ def refuse(statement: Any, refuses: Mapping[str, str]) -> None:
     Raises:
         SceneError: it has features that this does not know.
     """
-    if problems := list(dict.fromkeys(refused_by(statement, refuses))):
-        raise SceneError([(f"{path[0]}{''.join(map(_key, path[1:]))}", reason) for path, reason in problems])
-
-
-def _key(part: str | int) -> str:
-    return f".{part}" if isinstance(part, str) else f"[{part}]"
+    problems = [
+        ("".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix("."), reason)
+        for path, reason in dict.fromkeys(refused_by(statement, refuses))
+    ]
+    if problems:
+        raise SceneError(problems)
 
 
 def refusals(statement: Any) -> list[Mapping[str, str]]:

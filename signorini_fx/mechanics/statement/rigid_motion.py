@@ -140,7 +140,8 @@ def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody
     groups: dict[Any, list[int]] = {}
     for part, shape in enumerate(shapes):
         if shape is not None:
-            groups.setdefault(part if (name := _name_of(shape)) is None else name, []).append(part)
+            name = getattr(shape, "rigid", None)
+            groups.setdefault(part if name is None else name, []).append(part)
     return tuple(
         RigidBody(
             key if isinstance(key, str) else names[key],
@@ -153,17 +154,13 @@ def rigid_bodies(shapes: Sequence[Any], names: Sequence[str]) -> tuple[RigidBody
 
 def driven_twice(shapes: Sequence[Any], number: int) -> str:
     """Why a contact does not fit the others of its rigid body, see ``rigid_bodies``; "": it does."""
-    if (name := _name_of(shapes[number])) is None:
+    if (name := getattr(shapes[number], "rigid", None)) is None:
         return ""
-    drivers = [shape for shape in shapes if _name_of(shape) == name and shape.drives]
+    drivers = [shape for shape in shapes if getattr(shape, "rigid", None) == name and shape.drives]
     if len(drivers) == 1:
         return ""
     free = "" if drivers else "; prescribed = {} leaves it free"
     return f"give force, moment, prescribed or spring in one contact of {name!r}, not in {len(drivers)}{free}"
-
-
-def _name_of(shape: Any) -> str | None:
-    return getattr(shape, "rigid", None)
 
 
 def entries_of(value: Any) -> tuple[Any, ...]:

@@ -71,11 +71,7 @@ class Shape(RigidMotion):
         shift: by which it is moved, lengths, numbers or expressions of the time t; None: not at all.
         rotation: by which it is turned before it is moved, degrees, counterclockwise; in 3D along the axis [a, b, c]
             by the length of this vector; of the same kinds; None: not at all.
-        pivot: the point that it is turned about, length; None: the origin.
-        force: on it at its pivot, which moves a foundation whose motion is an unknown, see ``statement.rigid_motion``.
-        moment: on it about its pivot.
-        prescribed: which components of such a motion are not free.
-        spring: between its pivot and the ground.
+        pivot: the point that it is turned about, the reference point where forces move it, length; None: the origin.
         rigid: the name of a rigid body that several contacts have, of which one says what drives it; None: none.
     """
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import date
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
@@ -129,11 +129,6 @@ class Units(Table):
     force: str = ""
 
 
-def _day(entry: Any) -> Any:
-    """A date of TOML as a text."""
-    return entry.isoformat() if isinstance(entry, date) else entry
-
-
 class TitleBlock(Table):
     """What the report says above its results.
 
@@ -148,7 +143,7 @@ class TitleBlock(Table):
 
     project: str = ""
     author: str = ""
-    date: Annotated[str, BeforeValidator(_day)] = ""
+    date: Annotated[str, BeforeValidator(lambda day: day.isoformat() if isinstance(day, date) else day)] = ""
     revision: str = ""
 
 
