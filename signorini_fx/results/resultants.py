@@ -180,15 +180,6 @@ class Resultants:
         owned, dim = self.acting.balance.surface.owned, self.tagged.mesh.geometry.dim
         return node_positions(self.displacement.function_space)[:owned, :dim] + self._moved[:owned]
 
-    @cached_property
-    def _contact_points(self) -> Array:
-        """Positions of the contact points; those of sides that slide are where these are already."""
-        assert self.contact is not None
-        assert self.conditions is not None
-        boundary = self.contact.boundary
-        placed = [number for number, pair in self.conditions.pairs.items() if pair.displaced]
-        return boundary.centre + np.where(np.isin(boundary.part, placed)[:, None], 0.0, self._moved[boundary.nodes])
-
     def _at_partners(self, boundary: str, parts: Sequence[int]) -> tuple[Array, Array]:
         """What contacts do to the other body, at its nodes; collective."""
         space, facets = self.displacement.function_space, self.tagged.facets(boundary)
@@ -217,12 +208,13 @@ class Resultants:
         by_cause = self._at_nodes(boundary)
         for sign, key in ((-1.0, "boundary"), (1.0, "against")):  # on the other body they are opposite
             parts = [k for k, effect in enumerate(self.statement.contact) if getattr(effect, key) == boundary]
-            if parts and self.contact is not None:
-                state = self.contact
-                on_boundary = np.isin(state.boundary.part, parts)
-                forces = sign * state.boundary.nodal_forces(state.pressure, state.shear)
-                by_cause["contact"] = self._contact_points[on_boundary], forces[on_boundary]
-                pairs = {} if self.conditions is None else self.conditions.pairs
+            if parts and self.contact is not None and self.conditions is not None:
+                state, points, pairs = self.contact, self.contact.boundary, self.conditions.pairs
+                on_boundary = np.isin(points.part, parts)
+                forces = sign * points.nodal_forces(state.pressure, state.shear)
+                placed = [number for number, pair in pairs.items() if pair.displaced]  # points that slide are there
+                moved = np.where(np.isin(points.part, placed)[:, None], 0.0, self._moved[points.nodes])
+                by_cause["contact"] = (points.centre + moved)[on_boundary], forces[on_boundary]
                 # The displacement has moved partners away from the points.
                 kept = any(part in pairs and not pairs[part].displaced for part in parts)
                 if key == "against" and self.acting.displaced and kept:

@@ -16,20 +16,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from itertools import combinations
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import AfterValidator
 
-from signorini_fx.mechanics.kinematics import HYPOTHESES, hypotheses
+from signorini_fx.mechanics.kinematics import CARTESIAN, HYPOTHESES, hypotheses
+from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
 from signorini_fx.mechanics.statement.values import Finite, NonNegative, SampledValue
 
 Array = npt.NDArray[np.float64]
 # The components of a symmetric tensor in 3D, in the order of ``Kinematics.pairs``.
-PAIRS = (*((k, k) for k in range(3)), *combinations(range(3), 2))
+PAIRS = tuple(CARTESIAN[3].pairs)
 
 
 _FULL = "must be 'full' with an anisotropic material"
@@ -196,8 +196,6 @@ def stress_of(material: Material, components: Array) -> Array:
     import ufl
     from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
-    strain = np.zeros((3, 3))
-    for component, (i, j) in zip(components, PAIRS, strict=True):
-        strain[i, j] = strain[j, i] = component if i == j else component / 2
+    strain = tensors(components / [1, 1, 1, 2, 2, 2], PAIRS)
     stress = apply_algebra_lowering(material.stress(ufl.as_matrix(strain.tolist())))
     return np.array([float(stress[pair](())) for pair in PAIRS])

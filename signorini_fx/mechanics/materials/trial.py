@@ -10,10 +10,13 @@ import numpy as np
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import is_of_package
+from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array, stress_of
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DIFFERENCE_STEP, SAME_TANGENT
 
+# Strains, of shear 1/2, in the order of ``PAIRS``.
+_UNITS = tensors(np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]), PAIRS)
 _ROTATION = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -103,7 +106,7 @@ def _fault_of_energy(material: Any) -> str:
     if not abs(after - before) <= SAME_TANGENT * modulus:
         return f"shape_energy of {name} is not objective: a rotation of the body changes it"
     # A body in the plane has no shear across the mesh.
-    units = {k: unit for k, unit in enumerate(_units()) if PAIRS[k] not in ((0, 2), (1, 2))}
+    units = {k: unit for k, unit in enumerate(_UNITS) if PAIRS[k] not in ((0, 2), (1, 2))}
     first, second = DIFFERENCE_STEP, np.finfo(np.float64).eps ** 0.25  # where both errors of differences are small
     for unit in units.values():
         if not abs(whole(first * unit) - whole(-first * unit)) <= 2 * first * SAME_TANGENT * modulus:
@@ -131,7 +134,7 @@ def _fault_of_response(material: Any) -> str:
             return f"respond of {name} gives a stress that is not deviatoric"
         if not np.isfinite(tangent).all() or not np.array_equal(material.respond(tried, state)[0], stress):
             return f"respond of {name} is not finite, or gives something else when it is called again"
-        for column, unit in enumerate(_units()):
+        for column, unit in enumerate(_UNITS):
             small = DIFFERENCE_STEP**2 * unit
             ahead, behind = (material.respond(factor * strain + sign * small, state)[0] for sign in (1, -1))
             change = (ahead - behind) / (2 * DIFFERENCE_STEP**2)
@@ -140,12 +143,3 @@ def _fault_of_response(material: Any) -> str:
                 return f"the derivative that respond of {name} gives is not that of its stress"
         state = grown
     return ""
-
-
-def _units() -> list[Array]:
-    """Strains, of shear 1/2, in the order of ``PAIRS``."""
-    units: list[Array] = [np.zeros((3, 3)) for _ in PAIRS]
-    for unit, (i, j) in zip(units, PAIRS, strict=True):
-        unit[i, j] += 0.5
-        unit[j, i] += 0.5
-    return units

@@ -253,7 +253,10 @@ def squared_residual(
         The form; None where there is no such boundary.
     """
     space = stress.displacement.function_space
-    mesh, degree, size = space.mesh, space.element.basix_element.degree, cell_sizes(space.mesh)
+    mesh, degree = space.mesh, space.element.basix_element.degree
+    size = fem.Function(fem.functionspace(mesh, ("DG", 0)))  # h of each cell
+    if size.x.array.size:
+        size.x.array[:] = mesh.h(mesh.topology.dim, np.arange(size.x.array.size, dtype=np.int32))
     # Facets on which the same acts share a term; one column more, so that no row is empty.
     on = np.column_stack((on, np.ones(facets.size, dtype=bool)))
     kinds = np.unique(parallel.gather_rows(mesh.comm, np.unique(on, axis=0)), axis=0)
@@ -272,14 +275,6 @@ def squared_residual(
             * ds(number, metadata={"quadrature_degree": _FINE_DEGREE if varies else 2 * degree})
         )
     return sum(terms[1:], terms[0]) if terms else None
-
-
-def cell_sizes(mesh: dmesh.Mesh) -> fem.Function:
-    """H of each cell, length."""
-    size, dim = fem.Function(fem.functionspace(mesh, ("DG", 0))), mesh.topology.dim
-    count = size.x.array.size
-    size.x.array[:] = mesh.h(dim, np.arange(count, dtype=np.int32)) if count else 0.0
-    return size
 
 
 def element_stress(body: Model, displacement: fem.Function, step: float = 0.0) -> ElementStress:
