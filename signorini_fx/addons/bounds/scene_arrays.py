@@ -246,7 +246,7 @@ class _SceneRows:
             rows |= {
                 f"master {number}": _Facets.of(self._model, pair.sides.master.facets).vertices,
                 f"covered {number}": np.array([first * pair.coupling.met]),
-                f"by geometry {number}": np.array([pair.by_geometry]),
+                f"by geometry {number}": np.array([effect.distance == "geometry" and not effect.bonded]),
             }
         return rows
 

@@ -198,7 +198,8 @@ class FormCoefficients:
         try:
             function.interpolate(lambda x: sample(value, x), cells0=cells)
         except Exception as failure:  # of a user's function, perhaps on one rank only
-            path = _path_of(value, self.statement)
+            keys = ((at, key, entry) for at, effect in self.statement.listed() for key, entry in vars(effect).items())
+            path = next((f"{at}.{key}" for at, key, entry in keys if entry is value), "scene")
             error = SceneError([(path, f"cannot be evaluated at the nodes of the whole mesh: {failure}")])
         parallel.raise_together(mesh.comm, error)
         return function
@@ -206,12 +207,6 @@ class FormCoefficients:
     def vector(self, values: tuple[Any, ...]) -> Any:
         """Values along the axes as a vector, shape (d,)."""
         return ufl.as_vector([self.value(value) for value in values[: self.space.mesh.geometry.dim]])
-
-
-def _path_of(value: Any, statement: Statement) -> str:
-    """Where a scene has a value."""
-    keys = ((path, key, field) for path, entry in statement.listed() for key, field in vars(entry).items())
-    return next((f"{path}.{key}" for path, key, field in keys if field is value), "scene")
 
 
 Facets = Callable[[str], npt.NDArray[np.int32]]

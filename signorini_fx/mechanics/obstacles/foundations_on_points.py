@@ -339,7 +339,11 @@ class Foundations:
         if shape.direction is not None:
             return replace(part, normal=shape.direction[part.nodes])
         if shape.factor is not None:
-            return replace(part, normal=_axial(part.normal, shape.factor[part.nodes] == 0))
+            on_axis = shape.factor[part.nodes, None] == 0  # all around the tip of a cone the mean of normals is axial
+            axial = np.where(on_axis & (np.arange(part.normal.shape[1]) == 0), 0.0, part.normal)
+            size = np.linalg.norm(axial, axis=1, keepdims=True)
+            along = np.where(size > ROOT_OF_EPS, axial / np.maximum(size, ROOT_OF_EPS), part.normal)
+            return replace(part, normal=along)
         return part
 
     def at_rest(self, fixed: npt.NDArray[np.bool_], values: Array) -> npt.NDArray[np.bool_]:
@@ -380,7 +384,7 @@ class Foundations:
         given = at(0.0 if contact.bonded else getattr(contact, key), f"contact[{number}].{key}")
         if (pair := self._pairs.get(number)) is None:
             return (given + self._distance_of(number) if number in self._distances else given), None
-        if not pair.by_geometry:
+        if not contact.by_geometry:
             return given, None
         gap, distance = given.copy(), pair.coupling.gap
         if contact.adjust is not None:
@@ -485,10 +489,3 @@ class Foundations:
                 parts[-1] = stuck(np.ones(at.size, dtype=bool))
         together = joined(parts, points).without_pressure(boundary.points.immovable)
         return together.without_points(self.alone(boundary))
-
-
-def _axial(normal: Array, on_axis: npt.NDArray[np.bool_]) -> Array:
-    """Normals without radial components on an axis of revolution: all around the tip of a cone their mean is axial."""
-    axial = np.where(on_axis[:, None] & (np.arange(normal.shape[1]) == 0), 0.0, normal)
-    size = np.linalg.norm(axial, axis=1, keepdims=True)
-    return np.where(size > ROOT_OF_EPS, axial / np.maximum(size, ROOT_OF_EPS), normal)

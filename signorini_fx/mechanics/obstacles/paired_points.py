@@ -320,14 +320,12 @@ class PairedSides:
     Attributes:
         sides: both.
         coupling: of both.
-        by_geometry: whether the gap is the distance of both sides.
         followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
             coupling that tells how distances turn.
     """
 
     sides: FacingSides
     coupling: Coupling
-    by_geometry: bool
     followed: bool = False
 
     @classmethod
@@ -351,7 +349,7 @@ class PairedSides:
             )
         except PairingError as error:
             raise FormError([(f"contact[{facing.index}]", str(error))]) from None
-        return cls(facing, coupling, pair.by_geometry)
+        return cls(facing, coupling)
 
     def deformed(self, displacement: Array) -> PairedSides:
         """The same points and partners as those of undeformed sides, with normals that turn as those of the master do
