@@ -41,13 +41,13 @@ def foundations_of(
     for number, (effect, on) in enumerate(zip(statement.contact, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
         bonded, bilateral = effect.bonded, not effect.opens and not effect.bonded
+        gap = effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
         if number in masters:
-            gap = _evaluable(effect.gap)
             choice = {"gap": gap} if effect.distance == "nominal" else {"allowance": gap, "adjust": effect.adjust}
             choice |= {"friction": friction, "bilateral": bilateral, "bonded": bonded, "measure": around}
             foundations.append(Pair(on, masters[number], sliding=effect.sliding == "finite", **choice))
             continue
-        gap, shape, direction = _evaluable(effect.gap), shape_at_points(effect.surface, kinematics), effect.direction
+        shape, direction = shape_at_points(effect.surface, kinematics), effect.direction
         if direction is not None:
             direction = (*direction, *[0.0] * kinematics.out_of_section)
         foundations.append(Foundation(on, gap, direction, friction, bilateral, around, shape, bonded))
@@ -74,11 +74,6 @@ class _ShapeOfSection:
     def inradius(self) -> float:
         """Infinite where the shape does not say it."""
         return float(getattr(self.shape, "inradius", np.inf))
-
-
-def _evaluable(value: Any) -> Any:
-    """A value of a scene as a foundation takes it."""
-    return value if isinstance(value, int | float) else partial(sample, value)
 
 
 @dataclass(frozen=True)
@@ -137,14 +132,13 @@ def with_chosen_sides(statement: Statement, tagged: TaggedMesh, facets: Facets, 
             continue
         others = [contact for k, contact in enumerate(contacts) if k != number]
         taken = [name for contact in others for name in (contact.boundary, contact.against)]
-        points = "boundary"
-        if effect.points == "auto":
+        points = "auto" if effect.points == "auto" else "boundary"
+        if points == "auto":
             ours, theirs = (SideFigures.of(name, tagged, shear_modulus) for name in (effect.boundary, effect.against))
             values = (effect.gap, *effect.friction.parameters.values())
             if not theirs.is_better(ours) or not all(isinstance(value, int | float) for value in values):
                 continue
             taken += [support.where for support in statement.displacement]
-            points = "auto"
         exchanged = {"boundary": effect.against, "against": effect.boundary, "points": points}
         if (existing := _sharing(effect.against, taken, tagged, facets)) is None:
             contacts[number] = effect.model_copy(update=exchanged)
