@@ -16,7 +16,7 @@ from signorini_fx.mechanics.materials.protocol import PAIRS, Array, stress_of
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DIFFERENCE_STEP, SAME_TANGENT
 
 # Strains, of shear 1/2, in the order of ``PAIRS``.
-_UNITS = tensors(np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]), PAIRS)
+_UNITS: Any = tensors(np.diag([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]), PAIRS)
 _ROTATION = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 
 

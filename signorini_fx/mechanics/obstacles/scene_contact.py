@@ -41,7 +41,7 @@ def foundations_of(
     for number, (effect, on) in enumerate(zip(statement.contact, facets, strict=True)):
         friction = effect.friction if effect.friction.acts else None
         bonded, bilateral = effect.bonded, not effect.opens and not effect.bonded
-        gap = effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
+        gap: Any = effect.gap if isinstance(effect.gap, int | float) else partial(sample, effect.gap)
         if number in masters:
             choice = {"gap": gap} if effect.distance == "nominal" else {"allowance": gap, "adjust": effect.adjust}
             choice |= {"friction": friction, "bilateral": bilateral, "bonded": bonded, "measure": around}
