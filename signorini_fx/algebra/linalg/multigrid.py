@@ -29,7 +29,7 @@ from signorini_fx.algebra.linalg import Level, is_by_blocks, petsc_options, row_
 from signorini_fx.algebra.linalg.blocks import by_entries
 from signorini_fx.algebra.linalg.factorisation import use_direct
 from signorini_fx.algebra.linalg.petsc_calls import call, called_back
-from signorini_fx.algebra.linalg.rigid_unknowns import relative_to_rigid_bodies, with_rigid_bodies
+from signorini_fx.algebra.linalg.rigid_unknowns import bordered, relative_to_rigid_bodies
 from signorini_fx.algebra.linalg.truncation import NodalBlocks, TruncatedLevels
 from signorini_fx.machine import parallel
 from signorini_fx.tuned import FEWEST_BLOCK_UNKNOWNS, NEGLIGIBLE, NOTABLE, NOTHING_LEFT, SAME_NUMBER
@@ -55,17 +55,18 @@ class Hierarchy:
         """Set up once for A, with the size of its blocks and its near null space, and its mesh and the coarser ones,
         None: there are none; collective.
         """
-        chain = [] if level is None or petsc_options.user_sets("pc_gamg") else _interpolations(level)
-        if not chain:
-            return cls._aggregated(matrix, level)
-        coarse: list[PETSc.Mat] = []
-        for at, interpolation in chain:
-            level_matrix = by_entries(_coarse_matrix(coarse[-1] if coarse else matrix, interpolation, at))
+        interpolations, coarse = list[PETSc.Mat](), list[PETSc.Mat]()
+        at = None if petsc_options.user_sets("pc_gamg") else level
+        while at is not None and at.interpolation is not None and at.coarser is not None:
+            interpolations.append(at.interpolation)
+            at = at.coarser
+            level_matrix = by_entries(_coarse_matrix(coarse[-1] if coarse else matrix, interpolations[-1], at))
             row_by_row(level_matrix).setBlockSize(at.block)
             coarse.append(level_matrix)
-        interpolations = [interpolation for _, interpolation in chain]
+        if at is None or not coarse:
+            return cls._aggregated(matrix, level)
         if coarse[-1].getSize()[0] > FEWEST_BLOCK_UNKNOWNS:
-            coarse[-1].setNearNullSpace(chain[-1][0].modes())
+            coarse[-1].setNearNullSpace(at.modes())
             below = cls._aggregated(coarse[-1])
             interpolations += below.interpolations
             coarse += below.coarse
@@ -74,8 +75,19 @@ class Hierarchy:
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
     def with_rigid_bodies(self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]) -> Hierarchy:
-        """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``; collective."""
-        interpolations, coarse = with_rigid_bodies(self.interpolations, self.coarse, free, stiffness)
+        """The same with the unknowns of rigid bodies on each level, see ``rigid_unknowns``, on coarse ones those that
+        are free; ``stiffness``: of the springs that hold these; collective.
+        """
+        springs, ones = stiffness[free], np.ones(np.count_nonzero(free))
+        all_free = ones.astype(bool)
+        coarse = tuple(
+            bordered(matrix, all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
+            for matrix in self.coarse
+        )
+        for level in coarse:
+            level.setOption(PETSc.Mat.Option.SPD, True)
+        borders = [all_free if level else free for level in range(len(self.interpolations))]
+        interpolations = tuple(bordered(*each, ones) for each in zip(self.interpolations, borders, strict=True))
         return replace(self, interpolations=interpolations, coarse=coarse)
 
     @classmethod
@@ -101,16 +113,6 @@ class Hierarchy:
         for level in coarse:
             row_by_row(level).setOption(PETSc.Mat.Option.SPD, True)
         return cls(interpolations, coarse, largest)
-
-
-def _interpolations(level: Level) -> list[tuple[Level, PETSc.Mat]]:
-    """The coarser meshes, finest first, each with the interpolation from it."""
-    chain = []
-    at: Level | None = level
-    while at is not None and at.interpolation is not None and at.coarser is not None:
-        chain.append((at.coarser, at.interpolation))
-        at = at.coarser
-    return chain
 
 
 def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) -> PETSc.Mat:

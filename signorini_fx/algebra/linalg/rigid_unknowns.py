@@ -14,28 +14,7 @@ from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import KRYLOV_STEPS, NOTHING_LEFT, SAME_NUMBER
-
-
-def with_rigid_bodies(
-    interpolations: tuple[PETSc.Mat, ...],
-    coarse: tuple[PETSc.Mat, ...],
-    free: npt.NDArray[np.bool_],
-    stiffness: npt.NDArray[np.float64],
-) -> tuple[tuple[PETSc.Mat, ...], tuple[PETSc.Mat, ...]]:
-    """Interpolations and coarse matrices of a hierarchy of the nodes, with the unknowns of rigid bodies, on coarse
-    levels those that are free; ``stiffness``: of the springs that hold these; collective.
-    """
-    ones = np.ones(np.count_nonzero(free))
-    all_free, springs = ones.astype(bool), stiffness[free]
-    borders = [all_free if level else free for level in range(len(interpolations))]
-    levels = tuple(
-        bordered(matrix, all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
-        for matrix in coarse
-    )
-    for level in levels:
-        level.setOption(PETSc.Mat.Option.SPD, True)
-    return tuple(bordered(*each, ones) for each in zip(interpolations, borders, strict=True)), levels
+from signorini_fx.tuned import KRYLOV_STEPS, SAME_NUMBER
 
 
 def bordered(matrix: PETSc.Mat, free: npt.NDArray[np.bool_], entries: npt.NDArray[np.float64]) -> PETSc.Mat:

@@ -173,7 +173,11 @@ class TruncatedLevels:
             self._changes.append(interpolation.transposeMatMult(self._products[-1]))
         self._untruncated, self.coarse = list[PETSc.Mat](), list[PETSc.Mat]()
         for level, change in zip(coarse, self._changes, strict=True):
-            wider = _widened(level, change)
+            # With a little more on its diagonal, and room for the change.
+            diagonal, wider = level.getDiagonal(), level.copy()
+            wider.axpy(1.0, change, structure=DIFFERENT_PATTERN)
+            diagonal.scale(NOTHING_LEFT)
+            wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
             self.coarse.append(row_by_row(wider.copy()))
             self._untruncated.append(wider)
         for level in self.coarse:
@@ -218,12 +222,3 @@ class TruncatedLevels:
         for level, untruncated, change in zip(self.coarse, self._untruncated, self._changes, strict=True):
             untruncated.copy(level, SAME_PATTERN)
             level.axpy(1.0, change, structure=SUBSET_PATTERN)
-
-
-def _widened(matrix: PETSc.Mat, pattern: PETSc.Mat) -> PETSc.Mat:
-    """A coarse matrix with a little more on its diagonal, and the room of a pattern of zeros."""
-    diagonal, wider = matrix.getDiagonal(), matrix.copy()
-    wider.axpy(1.0, pattern, structure=DIFFERENT_PATTERN)
-    diagonal.scale(NOTHING_LEFT)
-    wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
-    return wider
