@@ -22,15 +22,9 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, unit
 from signorini_fx.algebra.contact.nodal_vectors import length as length_of
-from signorini_fx.algebra.contact.points import ContactPoints, shares
+from signorini_fx.algebra.contact.points import shares
 from signorini_fx.records import Status
 from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE
-
-
-def with_enough_digits(data: RegularisedData, natural: float) -> RegularisedData:
-    """The problem with gammas reduced so that their round-off does not hide the limit."""
-    largest = GAMMA_GROWTH * natural
-    return replace(data, gamma_n=min(data.gamma_n, largest), gamma_t=min(data.gamma_t, largest))
 
 
 @dataclass
@@ -79,7 +73,10 @@ class Augmentation:
         points, groups = newton.problem.points, newton.problem.groups
         new_shifts = newton.shifts(data)
         differences = new_shifts[0] - old_shifts[0], new_shifts[1] - old_shifts[1]
-        felt, felt_before, moved = (_felt(points, *tractions) for tractions in (new_shifts, old_shifts, differences))
+        felt, felt_before, moved = (
+            (points.felt(normal, shear), points.felt(shear, normal))
+            for normal, shear in (new_shifts, old_shifts, differences)
+        )
         now, last_size = (groups.norms(movement) + groups.norms(floor) for movement, floor in (felt, felt_before))
         changes = groups.norms(moved[0]), groups.norms(moved[1])
         round_off = newton.problem.round_off(newton.x) if newton.problem.bonds_alone else np.zeros(len(moved[0]))
@@ -134,11 +131,6 @@ class Augmentation:
             gamma_n=grown(data.gamma_n, self.slow[0]),
             gamma_t=grown(data.gamma_t, self.slow[1]),
         )
-
-
-def _felt(points: ContactPoints, pressure: Nodal, shear: Nodal) -> tuple[Nodal, Nodal]:
-    """What the body feels of a pressure and of a shear, each beside the other."""
-    return points.felt(pressure, shear), points.felt(shear, pressure)
 
 
 def augmented_lagrangian(

@@ -12,7 +12,7 @@ from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.friction import PointFriction, as_given, stuck
+from signorini_fx.algebra.contact.friction import PointFriction, as_given
 from signorini_fx.algebra.contact.statics import largest_multiple, no_balance, reactions
 from signorini_fx.algebra.regularised import RegularisedProblem
 from signorini_fx.machine import parallel
@@ -30,8 +30,7 @@ def coulomb_start(task: Task, data: RegularisedData) -> RegularisedData:
 
     def possible(stick: npt.NDArray[np.bool_]) -> bool:
         """Whether contact can hold the body and balance its load if these nodes stick, and no other ones rub."""
-        law = stuck(stick)
-        held = motions.held_by(everywhere, stick)
+        held, law = motions.held_by(everywhere, stick), as_given(np.where(stick, np.inf, 0.0))
         return held and no_balance(law, data.bilateral, motions, task.system.resultant) is None
 
     if possible(~everywhere):

@@ -52,12 +52,8 @@ class SemismoothNewton:
     the friction law must hold as well, and sets that occurred before mean a cycle if its residual has not been halved.
     PETSc options with the prefix ``sfx_`` are used by the SNES, KSP and PC; otherwise the defaults apply.
 
-    Args:
-        problem: residual and Jacobian.
-        x: the iterate, which two methods may share.
-        settings: the limit on linear solves for one problem, and whether the interior-point method may follow.
-        history: where the records go.
-        symmetric: whether the Jacobian is; it is not if the friction bound depends on the pressure.
+    ``x``: the iterate, which two methods may share; ``symmetric``: whether the Jacobian is; it is not if the friction
+    bound depends on the pressure.
 
     Attributes:
         linear: whether there is no contact point on any rank, so that one linear solve is all there is to do.

@@ -15,7 +15,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.algebra import step_limit
-from signorini_fx.algebra.algorithms.augmentation import augmented_lagrangian, with_enough_digits
+from signorini_fx.algebra.algorithms.augmentation import augmented_lagrangian
 from signorini_fx.algebra.algorithms.coulomb import (
     augmentation_on,
     automatic_gamma,
@@ -52,13 +52,11 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
         status = Status.NOT_HELD if task.motions.count else task.newton.solve(start.data, start.sets, first_iteration=0)
         return _without_contact(task, start.data, status)
     if task.settings.algorithm == "alm":
-        data = start.data
-        enough = with_enough_digits(data, automatic_gamma(task))
-        if (enough.gamma_n, enough.gamma_t) != (data.gamma_n, data.gamma_t):
-            task.history.add(
-                f"gamma lowered to {enough.gamma_n:.3g} and {enough.gamma_t:.3g}: augmentation needs no more"
-            )
-        start = replace(start, data=enough)
+        gammas, largest = (start.data.gamma_n, start.data.gamma_t), GAMMA_GROWTH * automatic_gamma(task)
+        if max(gammas) > largest:  # its round-off would hide the limit
+            gamma_n, gamma_t = (min(gamma, largest) for gamma in gammas)
+            task.history.add(f"gamma lowered to {gamma_n:.3g} and {gamma_t:.3g}: augmentation needs no more")
+            start = replace(start, data=replace(start.data, gamma_n=gamma_n, gamma_t=gamma_t))
     if _nothing_acts(task, start):
         task.newton.x.set(0.0)  # it is the solution; no linear system is solved
         history = task.history
@@ -68,15 +66,15 @@ def solve_task(task: Task, start: Start, solve_budget: int | None = None) -> Out
     start = _first_loaded(task, start)
     begin, waits = task.newton.checkpoint(), start.several or start.step > 0
     lost = no_balance(start.law, start.data.bilateral, task.motions, task.system.resultant)
-    if lost is not None and not (waits and lost.assembly in task.idle):
-        return _without_contact(task, start.data, lost.status)
-    if lost is None:
+    if lost is not None:
+        outcome = _without_contact(task, start.data, lost.status)
+        if not (waits and lost.assembly in task.idle):
+            return outcome
+    else:
         with task.history.at_most(step_limit(task.settings.max_iterations) if solve_budget is None else solve_budget):
             outcome = _solve(task, start)
             if outcome.status is not Status.CONVERGED and task.history.linear_solves >= task.history.limit:
                 task.history.add("all methods together have taken as many linear solves as they may")
-    else:
-        outcome = _without_contact(task, start.data, lost.status)
     loose = outcome.status not in _EXPLAINED and task.idle
     return _left_loose(task, start, begin, outcome, waits=waits) if loose else outcome
 
@@ -275,9 +273,8 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
     if multipliers is None or finds_gamma:
         data = coulomb_start(task, start.data)
         if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start
-            first_outcome = replace(
-                first_outcome, status=newton.solve(data, first_sets, first_iteration=start.iteration)
-            )
+            status = newton.solve(data, first_sets, first_iteration=start.iteration)
+            first_outcome = replace(first_outcome, status=status)
         else:
             first_outcome = _given_friction(task, start, data)
         if first_outcome.status is not Status.CONVERGED:
@@ -323,7 +320,7 @@ def _either_way(
 
     ways = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
     names = [MONOLITHIC, FIXED_POINT] if monolithic_first else [FIXED_POINT, MONOLITHIC]
-    if not law.has_derivative:
+    if law.cap is not None or law.ends_open is not None:  # a jump has no derivative; a cap is left to the fixed point
         names = [FIXED_POINT]
     elif not s.fallbacks:
         names = names if monolithic_first else names[:1]  # the fixed point is the documented fall-back of the other

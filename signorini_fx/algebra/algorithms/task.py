@@ -149,17 +149,9 @@ class Task:
         bilateral: npt.NDArray[np.bool_] | None = None,
         **options: Any,
     ) -> Task:
-        """A problem that starts with contact and stick everywhere, from its reference motion; collective.
-
-        Args:
-            system: the elastic system with its loads.
-            motions: the free rigid motions at its contact points.
-            gap: d, length, shape (n,).
-            law: of friction; None: there is none.
-            settings: algorithms, their parameters and limits.
-            natural_gamma: the natural unit of gamma, stress per length.
-            bilateral: points whose contact cannot open, shape (n,); None: there are none.
-            options: the others, see ``Task``.
+        """A problem that starts with contact and stick everywhere, from its reference motion; ``gap``: d, length, shape
+        (n,); ``law``: of friction, None: there is none; ``bilateral``: points whose contact cannot open, shape (n,),
+        None: there are none; the others, see ``Task``; collective.
         """
         points = motions.points
         sides = np.zeros(gap.size, dtype=bool) if bilateral is None else bilateral

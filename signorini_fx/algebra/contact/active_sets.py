@@ -326,10 +326,8 @@ def _ranked(points: ContactPoints, candidates: npt.NDArray[np.bool_], violation:
     """Place of each candidate in the order of the violation over all ranks, from 0; -1 for the other nodes."""
     # Position breaks ties: a uniform state would otherwise keep all of them or none.
     ranking = np.column_stack((violation, points.x))
-    places = {
-        row: position
-        for position, row in enumerate(sorted(map(tuple, parallel.gather_rows(points.comm, ranking[candidates]))))
-    }
+    ordered = sorted(map(tuple, parallel.gather_rows(points.comm, ranking[candidates])))
+    places = {row: position for position, row in enumerate(ordered)}
     result = np.full(candidates.size, -1, dtype=np.int64)
     result[candidates] = [places[tuple(row)] for row in ranking[candidates]]
     return result

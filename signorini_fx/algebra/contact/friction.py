@@ -91,11 +91,6 @@ class PointFriction:
         """Whether the bound is given + coefficient lambda."""
         return self.cap is None and self.ends_open is None and not self.laws
 
-    @property
-    def has_derivative(self) -> bool:
-        """Whether Newton's method may follow the bound: it has no jump, and a cap is left to the fixed point."""
-        return self.cap is None and self.ends_open is None
-
     @cached_property
     def follows_pressure(self) -> bool:
         """Whether the bound of a point of this rank depends on the pressure."""
@@ -142,11 +137,6 @@ class PointFriction:
         slope = self.derivative(pushing)
         slope = np.where(np.isinf(slope), 0.0, slope)  # a root at zero has a vertical tangent
         return self.bound(pushing) - slope * pushing, slope
-
-
-def stuck(where: npt.NDArray[np.bool_]) -> PointFriction:
-    """Friction without limit at some points, and none at the others."""
-    return PointFriction(np.where(where, np.inf, 0.0), np.zeros(where.size))
 
 
 def as_given(bound: Any) -> PointFriction:

@@ -108,8 +108,12 @@ class FreeMotions:
         unresisted = np.zeros(int(last) + 1, dtype=bool)
         if not self.count:
             return unresisted
-        across = None if directions is None or directions.shape[1] == 1 else self._across(directions)
-        rows = np.concatenate([self.normal[normal], *self.tangential[stick].swapaxes(0, 1), *(across or ())])
+        resisted = [self.normal[normal], *self.tangential[stick].swapaxes(0, 1)]
+        if directions is not None and directions.shape[1] > 1:
+            slip = directions.any(axis=1)
+            along = np.einsum("it,itk->ik", directions[slip], self.tangential[slip])
+            resisted += [*(self.tangential[slip] - directions[slip][:, :, None] * along[:, None]).swapaxes(0, 1)]
+        rows = np.concatenate(resisted)
         gram = parallel.global_sum(self.points.comm, np.concatenate((rows.T @ rows, self._moved)))
         for number, columns in self.assemblies:
             values = np.linalg.eigvalsh(gram[:-1][np.ix_(columns, columns)])
@@ -129,13 +133,6 @@ class FreeMotions:
     def _moved(self) -> Nodal:
         """How much each motion moves the points of this rank, squared, shape (1, k)."""
         return np.asarray(np.square(self.relative).sum(axis=(0, 1))[None])
-
-    def _across(self, directions: Nodal) -> list[Nodal]:
-        """The motions perpendicular to the directions of the points that slip, each of shape (slipping points, k)."""
-        slip = directions.any(axis=1)
-        tangential = self.tangential[slip]
-        along = np.einsum("it,itk->ik", directions[slip], tangential)
-        return [*(tangential - directions[slip][:, :, None] * along[:, None]).swapaxes(0, 1)]
 
     def held_by(
         self, normal: npt.NDArray[np.bool_], stick: npt.NDArray[np.bool_], directions: Nodal | None = None

@@ -14,7 +14,7 @@ from dolfinx import fem
 
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.friction import PointFriction, joined, stuck
+from signorini_fx.algebra.contact.friction import PointFriction, as_given, joined
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
@@ -486,6 +486,6 @@ class Foundations:
                 self._refuse(f"contact[{k}].friction", fault_of(law, at.size, modulus))
             parts.append(friction_of(law, at.size))
             if self._contact[k].bonded:
-                parts[-1] = stuck(np.ones(at.size, dtype=bool))
+                parts[-1] = as_given(np.full(at.size, np.inf))
         together = joined(parts, points).without_pressure(boundary.points.immovable)
         return together.without_points(self.alone(boundary))
