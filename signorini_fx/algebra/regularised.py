@@ -170,9 +170,6 @@ class RegularisedProblem:
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """The friction bounds of the current and the next sets."""
         data = self.data
-        if data.follows is None:  # given, whatever the iterate
-            bound = np.zeros(self.points.size) if data.bound is None else data.bound
-            return bound, bound
         u_n, u_t = self.system.contact.traces(x)
         pressure, _ = multipliers(self.sets, u_n, u_t, data)
         return data.friction_bound(pressure), data.friction_bound(trial_pressure(u_n, data))

@@ -32,7 +32,6 @@ class Augmentation:
     """One augmented Lagrangian iteration on the problems that an inner method solves.
 
     Attributes:
-        newton: the inner method.
         natural: a gamma with which few updates suffice on cells that are not divided many times, stress per length.
         tolerance: for the errors of lambda and of mu in the norm of L2(Gamma_c), relative to their own norms, and for
             penetration and elastic slip, relative to the displacements; of each group of points.

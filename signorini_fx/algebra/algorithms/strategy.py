@@ -340,9 +340,14 @@ def _either_way(
         return _released(task, outcome, law, checkpoint[0].norm(PETSc.NormType.NORM_INFINITY)) or outcome
 
     def settled(outcome: Outcome) -> bool:
+        status = outcome.status
         if outcome.monolithic and monolithic_first:
-            return outcome.status in (Status.CONVERGED, Status.SINGULAR, Status.NOT_FINITE)
-        return not task.gave_up(outcome.status)
+            return status in (Status.CONVERGED, Status.SINGULAR, Status.NOT_FINITE)
+        if status is Status.MAX_ITERATIONS:  # a limit that the user has set is no failure
+            return s.limited("max_iterations")
+        if status is Status.OUTER_MAX_ITERATIONS:
+            return s.limited("max_outer_iterations")
+        return status not in (Status.CYCLING, Status.SLIDES_AT_PRESSURES)
 
     last = ended(names[0])
     for name in names[1:]:

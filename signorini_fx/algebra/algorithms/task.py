@@ -111,13 +111,9 @@ class Task:
     """The inputs of a contact problem.
 
     Attributes:
-        settings: algorithms, their parameters and limits.
-        system: the elastic system.
-        motions: the free rigid motions at its contact points.
         start: where the first load step starts.
         has_coulomb: whether the friction bound depends on the pressure anywhere.
         natural_gamma: E over the size of the body, the natural unit of gamma.
-        history: records.
         linear_algebra: which kind of elastic system it is, and why; for its owner.
         goal: the regularisation error allowed for path-following, in the energy norm, evaluated at an iterate.
         rest: the reference motion from which displacements are counted; None: from the initial position.
@@ -224,11 +220,3 @@ class Task:
         if outcome.augmented or (self.settings.algorithm == "alm" and not outcome.regularised):
             gammas = np.inf, np.inf
         return *gammas, penalty
-
-    def gave_up(self, status: Status) -> bool:
-        """Whether a method has failed for another reason than a limit that the user has set."""
-        if status is Status.MAX_ITERATIONS:
-            return not self.settings.limited("max_iterations")
-        if status is Status.OUTER_MAX_ITERATIONS:
-            return not self.settings.limited("max_outer_iterations")
-        return status in (Status.CYCLING, Status.SLIDES_AT_PRESSURES)

@@ -28,7 +28,6 @@ class ContactMap:
 
     Attributes:
         operator: B, d rows for each of the n contact points of this rank.
-        points: the contact points.
         fixed: the prescribed unknowns of this rank; contact forces on them go into the supports.
         lift: S with B S = 1, unknowns of one of two bodies from relative displacements, for multigrid; None: contact is
             with a rigid foundation, or no such unknowns are known, or a condensed system has no need of it.

@@ -49,24 +49,18 @@ def no_balance(
     load: Nodal,
     gap: Nodal | None = None,
 ) -> Escape | None:
-    """A proof that a contact problem has no solution, to be asked before anything is tried; collective.
+    """A proof that a contact problem has no solution, to be asked before anything is tried: how the first assembly
+    moves away, of those that loads drive, then of others; None: not proved of any; collective.
 
     It holds for any number of contacts, for frictionless contact, any friction below its envelope, in 2D
     and in 3D, and whatever the gaps and the stiffness are: all contact nodes may press.  None proves
     nothing: where the law lets the pressure choose, an equilibrium of rigid bodies need not be one of elastic bodies.
 
-    Args:
-        law: the friction law itself, not the bound of an iterate; stresses; None without friction.
-        bilateral: nodes whose contact cannot open, shape (n,).
-        motions: free rigid motions at the contact points.
-        load: the work of the loads on the free motions, zero where it is round-off (``ElasticSystem.resultant``),
-            shape (k,).
-        gap: of the body as its loads alone deform it, lengths, shape (n,): a body without a resultant, with no given
-            friction, and not squeezed by its foundation, then counts as one that leaves it; None, where that is not
-            known: only if it can move off without touching, because strains may press it on otherwise.
-
-    Returns:
-        How the first assembly moves away, of those that loads drive, then of others; None: not proved of any.
+    ``law``: the friction law itself, not the bound of an iterate, stresses, None: without friction; ``bilateral``:
+    nodes whose contact cannot open, shape (n,); ``load``: its work on the free motions, zero where it is round-off
+    (``ElasticSystem.resultant``), shape (k,); ``gap``: of the body as its loads alone deform it, lengths, shape (n,): a
+    body without a resultant, with no given friction, and not squeezed by its foundation, then counts as one that leaves
+    it; None, where that is not known: only if it can move off without touching, because strains may press it on.
     """
     if not load.size:
         return None

@@ -86,7 +86,6 @@ class Elasticity:
 
     Attributes:
         matrix: A, symmetric; prescribed rows and columns are empty but for the diagonal.
-        cases: the load cases.
         contact: B, from the unknowns to the relative displacement at the contact points.
         free: number of rigid motions that are free.
         level: for multigrid; None: it has smoothed aggregation alone, with the near null space of the matrix.
@@ -123,8 +122,6 @@ class ElasticSystem:
     Attributes:
         matrix: A, symmetric; the contact iteration adds B^T D B to it.
         contact: B, from x to the relative displacement at the contact points, and which entries of x are prescribed.
-        elasticity: what it is made of.
-        cases: the load cases.
         definite: whether A is positive semi-definite.
         load: b, the load cases times their current factors.
         start: a vector x that satisfies the prescribed displacements times the same factors, elsewhere the rigid motion

@@ -137,7 +137,12 @@ def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) ->
         if given.norm() <= NOTHING_LEFT * size:
             return stiffness
     product = by_entries(matrix).ptap(interpolation)
-    _fill_diagonal(product)
+    # Unknowns that interpolate to nothing, such as prescribed ones, get a row of their own.
+    diagonal = product.getDiagonal()
+    values, largest = diagonal.getArray(), diagonal.max()[1]
+    values[values <= 0] = largest
+    product.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    product.setDiagonal(diagonal)
     return product
 
 
@@ -146,15 +151,6 @@ def _irregular(x: PETSc.Vec) -> PETSc.Vec:
     first, last = x.getOwnershipRange()
     x.getArray()[:] = np.sin(1e4 * np.arange(first + 1, last + 1))
     return x
-
-
-def _fill_diagonal(matrix: PETSc.Mat) -> None:
-    """Give unknowns that interpolate to nothing, such as prescribed ones, a row of their own."""
-    diagonal = matrix.getDiagonal()
-    values, largest = diagonal.getArray(), diagonal.max()[1]
-    values[values <= 0] = largest
-    matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-    matrix.setDiagonal(diagonal)
 
 
 def _largest_eigenvalue(matrix: PETSc.Mat) -> float:

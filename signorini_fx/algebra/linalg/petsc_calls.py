@@ -62,13 +62,12 @@ def factor_lacks_memory(ksp: PETSc.KSP) -> bool:
     return bool(ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY)
 
 
-def unlock(*vectors: PETSc.Vec) -> None:
-    """Let vectors be written that PETSc has locked for a function which has raised an error."""
+def unlock(vector: PETSc.Vec) -> None:
+    """Let a vector be written that PETSc has locked for a function which has raised an error."""
     locked = ctypes.c_int()
-    for vector in vectors:
-        call("VecLockGet", vector, ctypes.byref(locked))
-        for _ in range(locked.value):
-            call("VecLockReadPop", vector)
+    call("VecLockGet", vector, ctypes.byref(locked))
+    for _ in range(locked.value):
+        call("VecLockReadPop", vector)
 
 
 @contextmanager
