@@ -57,7 +57,7 @@ class Stability:
         return Status.UNSTABLE
 
     def _inertia(self) -> tuple[int, Array] | None:
-        """See ``negative_directions``, of the derivative of F at ``u``; None: it is not known; collective."""
+        """How many directions of the derivative of F at ``u`` are negative, and one; None: not known; collective."""
         size = self.linear.elastic.system_size()
         if not enough_memory(size.comm, factor_memory(size.unknowns, size.dimension)):
             return None

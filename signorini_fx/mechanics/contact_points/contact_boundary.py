@@ -293,7 +293,7 @@ def no_points(space: fem.FunctionSpace) -> ContactBoundary:
 def segments_of(
     space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, *, vertices: bool
 ) -> npt.NDArray[np.int64]:
-    """See ``ContactBoundary.segments``; ``vertices``: whether of each facet these alone."""
+    """The segments of a contact boundary; ``vertices``: whether of each facet these alone."""
     side, local_nodes = space.mesh.topology.dim - 1, facet_nodes(space, facets)
     # Vertices come first, then inner nodes: along a facet in 2D the second vertex is the last node.
     if vertices:

@@ -78,7 +78,7 @@ class ElementStress:
 
     @property
     def components(self) -> Any:
-        """See ``Kinematics.stressed``."""
+        """Those that the strain energy is of, shape (m,)."""
         return ufl.as_vector([self.in_space[pair] for pair in self.kinematics.stressed])
 
     def squared(self, difference: Any, times: Any, dx: Any) -> Any:
