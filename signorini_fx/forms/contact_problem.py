@@ -15,7 +15,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
 from signorini_fx.forms.elasticity import NO_STRESS
 from signorini_fx.forms.given_forms import given_forms
-from signorini_fx.forms.solver import FormSolver, options_applied
+from signorini_fx.forms.solver import NO_SOLUTION, FormSolver, options_applied
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
@@ -334,12 +334,14 @@ class ContactProblem(ProblemOfForms):
         collective.
 
         Raises:
-            RuntimeError: the problem was given no ``stress``.
+            RuntimeError: the problem was given no ``stress``, or there is no solution so far.
             FormError: this has another shape, or some strain has no stress.
         """
         solver = self.assembled
         if solver.forms.stress is None:
             raise RuntimeError(NO_STRESS)
+        if solver.outcome is None:
+            raise RuntimeError(NO_SOLUTION)
         if self._stresses is None or self._stresses[0] is not solver.outcome:
             stress = solver.model().stress(self.u.copy(), 0.0, {})
             assert not isinstance(stress, str)

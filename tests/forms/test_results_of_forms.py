@@ -157,6 +157,9 @@ def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
     """Figures, files and tables of the same problem as a scene and as UFL; what forms cannot say is absent by name."""
     folder, solution = shared_folder(tmp_path), solve(scene)
     problem, _ = as_forms(solution.statement, solution.model.tagged)
+    for results in ("stress", "errors", "solution"):
+        with pytest.raises(RuntimeError, match="no solution so far"):
+            getattr(problem, results)
     problem.solve()
     of_scene = write_results(solution, folder / "scene", pictures=False)
     of_forms = problem.write(folder / "forms", title=scene.title, pictures=False)
