@@ -48,8 +48,6 @@ from signorini_fx.solving.load_steps import BegunStep, SteppedBody, first_start
 if TYPE_CHECKING:
     from signorini_fx.results.mechanics import StepResult
 
-NO_SOLUTION = "there is no solution so far: call solve()"
-
 
 @dataclass(frozen=True)
 class StepBeginning:
@@ -139,7 +137,7 @@ class FormSolver:
     def state(self) -> ContactState:
         """The contact points of this rank after the last solve, with forces and areas."""
         if self._state is None:
-            raise RuntimeError(NO_SOLUTION)
+            raise RuntimeError("there is no solution so far: call solve()")
         return self._state
 
     def begin_step(self) -> Start:
