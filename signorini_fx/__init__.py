@@ -63,7 +63,7 @@ _PUBLIC = {
     "mechanics.statement.load_path": ("LoadPath", "LoadSteps"),
     "mechanics.statement.mesh_sources": ("Body", "MeshFile", "MeshGenerator"),
     "scenes.scene": ("Scene",),
-    "mechanics.statement.settings": ("Accuracy", "Discretised", "SolverSettings", "TitleBlock", "Units"),
+    "mechanics.statement.settings": ("Accuracy", "Discretised", "SolverSettings", "Units"),
     "scenes.reading": ("read_scene",),
     "scenes.solver": ("solve",),
     "scenes.sweep": ("sweep",),

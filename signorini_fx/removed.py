@@ -23,6 +23,8 @@ INSTEAD: dict[str, str] = {
         for load in ("traction", "force", "point_force", "fluid", "body_force", "gravity", "rotation")
     },
     "SweepPoint": "sweep gives a Solution for each value",
+    "title_block": "write it into title, which heads the report",
+    "TitleBlock": "write it into title, which heads the report",
     "links": "tie bodies by a contact with kind = 'bonded'; MPCs of forms of your own are those of dolfinx_mpc",
     "Links": "tie bodies by BondedContact",
     "periodic_sides": "model several periods, of which the one in the middle counts",

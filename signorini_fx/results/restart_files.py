@@ -239,7 +239,7 @@ def _described(scene: BaseModel | Mapping[str, Any]) -> dict[str, Any]:
     """The scene as JSON with all defaults, its files by content, without what changes no result: title, remarks."""
     description: dict[str, Any] = json.loads(json.dumps(describe(scene, of_file=_with_content)))
     if isinstance(scene, BaseModel):
-        for remark in ("title", "incomplete", "title_block"):
+        for remark in ("title", "incomplete"):
             description.pop(remark, None)
     return description
 

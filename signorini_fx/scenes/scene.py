@@ -30,7 +30,7 @@ from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import WITHOUT_ARCS, Body, MeshGenerator, OneMesh
 from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, rigid_bodies
 from signorini_fx.mechanics.statement.rigid_shape import OneShape, read_shape
-from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, TitleBlock, Units
+from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.values import Vector, shown
 
@@ -153,7 +153,6 @@ class Scene(Table):
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
         units: names of units for labels.
-        title_block: project, author, date and revision for the report.
     """
 
     title: str = ""
@@ -179,7 +178,6 @@ class Scene(Table):
     solver: SolverSettings = SolverSettings()
     accuracy: Accuracy | None = None
     units: Units = Units()
-    title_block: TitleBlock = TitleBlock()
 
     _shapes_of_rigid_bodies = model_validator(mode="before")(with_shapes)
 
@@ -239,7 +237,7 @@ class Scene(Table):
     @cached_property
     def statement(self) -> Statement:
         """The same without its mesh, as all that solves and judges reads it."""
-        fields, origin = type(self).model_fields, ("mesh", "body", "rigid", "title_block")
+        fields, origin = type(self).model_fields, ("mesh", "body", "rigid")
         given = {key: getattr(self, key) for key in fields if key not in (*origin, *_SETTINGS)}
         effects = {
             key: entries if isinstance(entries, tuple) else () if entries is None else (entries,)

@@ -475,7 +475,6 @@ MODELS = {
     ("`[solver]`", "key"): [settings.SolverSettings],
     ("`[accuracy]`", "key"): [settings.Accuracy],
     ("`[units]`", "key"): [settings.Units],
-    ("`[title_block]`", "key"): [settings.TitleBlock],
 }
 
 

@@ -76,7 +76,6 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
         if no_result and chapters.get(heading):
             chapters[heading] = joined([part("note", no_result), chapters[heading]])
     chapters["Made with"] = sections.made_with(summary)
-    block = summary["scene"].get("title_block", {})
     style = resources.files("signorini_fx.addons.report").joinpath("report.css")
     text = rendered(
         "page",
@@ -85,7 +84,6 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
         status=status_in_words(summary),
         name=name,
         day=f"{sections.done(summary)} on {summary['finished'].partition('T')[0]}" if "finished" in summary else "",
-        block={key: entry for key, entry in block.items() if entry},
         style=Markup(style.read_text(encoding="utf-8")),
         chapters={heading: text for heading, text in chapters.items() if text},
     )

@@ -226,7 +226,7 @@ def certificate(summary: dict[str, Any]) -> Markup:
 
 
 # What the page says elsewhere.
-_ELSEWHERE = {"title", "title_block", "incomplete", "units", "solver", "accuracy"}
+_ELSEWHERE = {"title", "incomplete", "units", "solver", "accuracy"}
 
 
 def scene(summary: dict[str, Any]) -> Markup:

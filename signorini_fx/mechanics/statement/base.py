@@ -226,6 +226,5 @@ def tables(annotation: Any) -> set[type[BaseModel]]:
 
 
 def _keys(model: type[BaseModel]) -> set[str]:
-    """All keys of a table and of those that derive from it, without words that are keys for remarks alone."""
-    stated = set() if getattr(model, "texts_alone", False) else set(model.model_fields)
-    return stated.union(*map(_keys, model.__subclasses__()))
+    """All keys of a table and of those that derive from it."""
+    return set(model.model_fields).union(*map(_keys, model.__subclasses__()))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import date
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
@@ -127,24 +126,6 @@ class Units(Table):
     length: str = ""
     stress: str = ""
     force: str = ""
-
-
-class TitleBlock(Table):
-    """What the report says above its results.
-
-    Attributes:
-        project: any text.
-        author: any text.
-        date: any text, or a date of TOML.
-        revision: any text.
-    """
-
-    texts_alone: ClassVar[bool] = True
-
-    project: str = ""
-    author: str = ""
-    date: Annotated[str, BeforeValidator(lambda day: day.isoformat() if isinstance(day, date) else day)] = ""
-    revision: str = ""
 
 
 class Accuracy(Table):
