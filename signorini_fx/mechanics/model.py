@@ -31,30 +31,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Model(ElasticBody):
-    """An elastic body on its mesh with the names of its parts, its contact and all that acts on it.
+    """An elastic body on its mesh with the names of its parts, its contact and all that acts on it."""
 
-    Attributes:
-        statement: what is known of contact, loads and supports by name, and the settings; of forms of a user's own this
-            is less than all that acts.
-        tagged: the mesh; where displacements have a component out of it a section in 3D.
-        law: the friction law; None where no law can act.
-        pairs: both sides of each contact of two bodies, by its place in ``statement.contact``.
-        rigid: the rigid bodies whose motion is an unknown.
-        supports: the prescribed displacements, one component each; ``bcs`` with their effects.
-        applied: the loads, by their load factors.
-        data: the regularised problem at the contact points, without shifts; None without contact.
-        coefficients: of the forms of loads and resistances; None: forms of a user's own keep theirs.
-    """
-
-    statement: Statement
-    tagged: TaggedMesh
-    law: PointFriction | None
-    pairs: Mapping[int, PairedSides]
-    rigid: RigidBodies
-    supports: Conditions = field(default_factory=list)
-    applied: tuple[AppliedLoad, ...] = ()
-    data: RegularisedData | None = None
-    coefficients: FormCoefficients | None = None
+    statement: Statement  # names and settings; of forms of a user's own less than all that acts
+    tagged: TaggedMesh  # the mesh; where displacements have a component out of it a section in 3D
+    law: PointFriction | None  # of friction; None where no law can act
+    pairs: Mapping[int, PairedSides]  # both sides of each contact of two bodies, by its place in ``statement.contact``
+    rigid: RigidBodies  # those whose motion is an unknown
+    supports: Conditions = field(default_factory=list)  # prescribed displacements, one component each: ``bcs``
+    applied: tuple[AppliedLoad, ...] = ()  # the loads, by their load factors
+    data: RegularisedData | None = None  # at the contact points, without shifts; None without contact
+    coefficients: FormCoefficients | None = None  # of the forms of loads and resistances; None: a user's forms
 
     @property
     def scales(self) -> Scales:

@@ -23,19 +23,13 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scales:
-    """The scales of a body, or of each of its pieces: then a size, and all values, are arrays of shape (pieces,).
+    """The scales of a body, or of each of its pieces: then a size, and all values, are arrays of shape (pieces,)."""
 
-    Attributes:
-        dimension: d.
-        modulus: of the stiffest material, stress.
-        size: diameter, length.
-        depth: of a body in 2D, what its areas and lengths of the boundary are multiplied by: 1 per thickness, of
-            a body of revolution a typical length of the circumference, see ``Kinematics.depth``.
-    """
-
-    dimension: int
-    modulus: float
-    size: Any
+    dimension: int  # d
+    modulus: float  # of the stiffest material, stress
+    size: Any  # diameter, length
+    # Of a body in 2D, what its areas and lengths of the boundary are multiplied by: 1 per thickness, of a body of
+    # revolution a typical length of the circumference, see ``Kinematics.depth``.
     depth: float = 1.0
 
     @property

@@ -32,27 +32,17 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Averages:
-    """How n contact points of this rank average over m nodes, which other ranks may own.
+    """How n contact points of this rank average over m nodes, which other ranks may own."""
 
-    Attributes:
-        shares: share of each node in each point, rows with the sum one, scipy sparse, shape (n, m).
-        nodes: global numbers of the nodes, shape (m,); a node of two contact boundaries is there twice.
-        x: their positions, length, shape (m, d).
-        fixed: which displacement components are prescribed at them, shape (m, d).
-        centre: where the force of each point acts on the body of its node, length, shape (n, d); None: at the average
-            of the nodes.
-        lift: displacements of some nodes, all along one direction, that move the points of two bodies by one each,
-            scipy sparse, shape (m, n); None: not known.
-        between: ``operator`` between two bodies, scipy sparse, shape (n d, m d); None: it is that of ``shares``.
-    """
-
-    shares: Any
-    nodes: npt.NDArray[np.int64]
-    x: _Floats
-    fixed: npt.NDArray[np.bool_]
+    shares: Any  # share of each node in each point, rows with the sum one, scipy sparse, shape (n, m)
+    nodes: npt.NDArray[np.int64]  # global numbers, shape (m,); a node of two contact boundaries is there twice
+    x: _Floats  # positions of the nodes, length, shape (m, d)
+    fixed: npt.NDArray[np.bool_]  # which displacement components are prescribed at the nodes, shape (m, d)
+    # Where the force of each point acts on the body of its node, length, shape (n, d); None: at the average.
     centre: _Floats | None = None
+    # Displacements of some nodes along one direction that move the points of two bodies by one, (m, n); None: unknown.
     lift: Any = None
-    between: Any = None
+    between: Any = None  # ``operator`` between two bodies, shape (n d, m d); None: it is that of ``shares``
 
     @classmethod
     def at_nodes(cls, nodes: npt.NDArray[np.int64], x: _Floats, fixed: npt.NDArray[np.bool_]) -> Averages:

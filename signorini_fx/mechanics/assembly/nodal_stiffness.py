@@ -23,15 +23,10 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class JointStiffness:
-    """Between the components of some nodes, the same on every rank.
+    """Between the components of some nodes, the same on every rank."""
 
-    Attributes:
-        nodes: global numbers, shape (m,).
-        matrix: force per length, symmetric where it is added to a tangent, scipy sparse, shape (m d, m d).
-    """
-
-    nodes: npt.NDArray[np.int64]
-    matrix: sp.csr_array
+    nodes: npt.NDArray[np.int64]  # global numbers, shape (m,)
+    matrix: sp.csr_array  # force per length, symmetric where it is added to a tangent, shape (m d, m d)
 
     def times(self, displacement: fem.Function) -> Array:
         """Its forces at the owned nodes, shape (owned nodes * d,); collective."""
@@ -65,17 +60,11 @@ class JointStiffness:
 
 @dataclass(frozen=True)
 class NodalStiffness:
-    """A block for each of some nodes.
+    """A block for each of some nodes."""
 
-    Attributes:
-        nodes: owned nodes of this rank, local numbers, each once, shape (n,).
-        blocks: force per length, symmetric, shape (n, d, d).
-        joint: between nodes, which is added to them.
-    """
-
-    nodes: npt.NDArray[np.int64]
-    blocks: Array
-    joint: tuple[JointStiffness, ...] = ()
+    nodes: npt.NDArray[np.int64]  # owned nodes of this rank, local numbers, each once, shape (n,)
+    blocks: Array  # force per length, symmetric, shape (n, d, d)
+    joint: tuple[JointStiffness, ...] = ()  # between nodes, which is added to them
 
     @classmethod
     def none(cls, dimension: int) -> NodalStiffness:

@@ -32,21 +32,13 @@ _known: WeakKeyDictionary[dmesh.Mesh, BodyPieces] = WeakKeyDictionary()
 
 @dataclass(frozen=True)
 class BodyPieces:
-    """The pieces of a body; all but ``of_cell`` are the same on every rank.
+    """The pieces of a body; all but ``of_cell`` are the same on every rank."""
 
-    Attributes:
-        of_cell: number of the piece that each cell of this rank is in, ghosts included, shape (cells,).
-        cells: number of cells of each piece, shape (pieces,).
-        bounds: smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d).
-        assembly: number of the assembly of bodies that may touch each other that each piece is in, shape (pieces,).
-        bodies: name of the body that each piece is of, in a scene with several; empty where bodies have no names.
-    """
-
-    of_cell: _Labels
-    cells: npt.NDArray[np.int64]
-    bounds: npt.NDArray[np.float64]
-    assembly: _Labels
-    bodies: tuple[str, ...] = ()
+    of_cell: _Labels  # number of the piece that each cell of this rank is in, ghosts included, shape (cells,)
+    cells: npt.NDArray[np.int64]  # number of cells of each piece, shape (pieces,)
+    bounds: npt.NDArray[np.float64]  # smallest and largest coordinates of each piece, lengths, shape (pieces, 2, d)
+    assembly: _Labels  # number of the assembly of bodies that may touch each other of each piece, shape (pieces,)
+    bodies: tuple[str, ...] = ()  # name of the body of each piece; empty where bodies have no names
 
     @cached_property
     def count(self) -> int:

@@ -61,51 +61,31 @@ class ElasticBody:
     """A symmetric form a(., .) on a vector Lagrange space with supports and contact points.
 
     Each part is compiled and assembled when it is first needed; what takes forms, matrices or motions is collective.
-
-    Attributes:
-        space: Y_h, of the displacement.
-        terms: gives the compiled terms of a(., .).
-        resists: the terms that may resist rigid motions; None: any of them may.
-        bcs: the supports along the axes.
-        turned: nodes with supports along no axis, for which ``fixed`` is given in their own frames; None: there are
-            none.
-        fixed: which unknowns of this rank these and ``bcs`` prescribe, shape (owned dofs,).
-        pieces: into which the mesh falls.
-        boundary: the contact points; None: there are none.
-        settings: how it is to be solved.
-        kinematics: of the displacement; which motions have no strain in forms of a user's own, these say themselves.
-        compressible: whether the material is far enough from incompressible for multigrid.
-        elastic: the ``SceneLaw`` that ``terms`` are of; None: forms of a user's own.
-        beside: what a(., .) has beside ``terms``; None: nothing.
-        relative: forces of the k unknowns of rigid bodies at the contact points, and on these themselves, beside
-            a(., .) and springs, force per length, shapes (n, d, k) and (k, k), symmetric; None: nothing.
-        definite: whether a(., .) is positive semi-definite but for a pressure as an unknown.
-        symmetric: whether a(., .) is symmetric; else it is not definite.
-        far: which contact points are not expected to touch, shape (n,), and a displacement that tells where they are;
-            None: any of them may.
-        eliminated: what a condensed system with another boundary has made of the same stiffness; None: there is none.
-        of_body, of_contact, of_mesh: results that depend on everything above but ``boundary``, on that too, and on the
-            mesh and ``space`` alone.
     """
 
-    space: fem.FunctionSpace
-    terms: Callable[[], Sequence[fem.Form]]
-    resists: Sequence[fem.Form] | None
-    bcs: Sequence[fem.DirichletBC]
-    turned: TurnedNodes | None
-    fixed: npt.NDArray[np.bool_]
-    pieces: BodyPieces
-    boundary: ContactBoundary | None
-    settings: SolverSettings
-    kinematics: Kinematics
-    compressible: bool = True
-    elastic: Any = None
-    beside: NodalStiffness | None = None
+    space: fem.FunctionSpace  # Y_h, of the displacement
+    terms: Callable[[], Sequence[fem.Form]]  # gives the compiled terms of a(., .)
+    resists: Sequence[fem.Form] | None  # the terms that may resist rigid motions; None: any of them may
+    bcs: Sequence[fem.DirichletBC]  # the supports along the axes
+    turned: TurnedNodes | None  # nodes with supports along no axis, ``fixed`` in their own frames; None: none
+    fixed: npt.NDArray[np.bool_]  # which unknowns of this rank these and ``bcs`` prescribe, shape (owned dofs,)
+    pieces: BodyPieces  # into which the mesh falls
+    boundary: ContactBoundary | None  # the contact points; None: there are none
+    settings: SolverSettings  # how it is to be solved
+    kinematics: Kinematics  # of the displacement; of forms of a user's own these say which motions have no strain
+    compressible: bool = True  # whether the material is far enough from incompressible for multigrid
+    elastic: Any = None  # the ``SceneLaw`` that ``terms`` are of; None: forms of a user's own
+    beside: NodalStiffness | None = None  # what a(., .) has beside ``terms``; None: nothing
+    # Forces of the k unknowns of rigid bodies at the contact points, and on these themselves, beside a(., .) and
+    # springs, force per length, shapes (n, d, k) and (k, k), symmetric; None: nothing.
     relative: tuple[Array, Array] | None = None
-    definite: bool = True
-    symmetric: bool = True
+    definite: bool = True  # whether a(., .) is positive semi-definite but for a pressure as an unknown
+    symmetric: bool = True  # whether a(., .) is symmetric; else it is not definite
+    # Which contact points are not expected to touch, shape (n,), at a displacement; None: any of them may.
     far: tuple[npt.NDArray[np.bool_], fem.Function] | None = None
+    # What a condensed system with another boundary has made of the same stiffness; None: there is none.
     eliminated: SchurComplement | None = field(default=None, repr=False, compare=False)
+    # Results that depend on everything above but ``boundary``, on that too, and on the mesh and ``space`` alone.
     of_body: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_contact: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
     of_mesh: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)

@@ -66,29 +66,18 @@ def cells_of(material: Any, tagged: TaggedMesh) -> Cells:
 
 @dataclass
 class MaterialPoints:
-    """The state of one material at the points of quadrature of its cells.
-
-    Attributes:
-        material, cells: it, and the cells that are made of it, c of them.
-        strain: from the displacement of now, less that of the temperature, at the q points of each cell, components
-            ``PAIRS``, of shear twice epsilon_ij.
-        stress: the deviatoric stress, components ``pairs``.
-        tangent: its derivative by the strain.
-        pairs: the components that do work, as places in ``PAIRS``.
-        begun: the state at the end of the last load step, shape (c, q, numbers).
-        current: the state at the displacement of now.
-        time: at which the load step ends.
-    """
+    """The state of one material at the q points of quadrature of each of its c cells."""
 
     material: PathDependent
     cells: Cells
+    # From the displacement of now, less that of the temperature, components ``PAIRS``, of shear twice epsilon_ij.
     strain: fem.Expression
-    stress: fem.Function
-    tangent: fem.Function
-    pairs: list[int]
-    begun: Array
-    current: Array = field(init=False)
-    time: float = 1.0
+    stress: fem.Function  # the deviatoric stress, components ``pairs``
+    tangent: fem.Function  # its derivative by the strain
+    pairs: list[int]  # the components that do work, as places in ``PAIRS``
+    begun: Array  # the state at the end of the last load step, shape (c, q, numbers)
+    current: Array = field(init=False)  # the state at the displacement of now
+    time: float = 1.0  # at which the load step ends
 
     def __post_init__(self) -> None:
         self.current = self.begun
@@ -118,25 +107,15 @@ class MaterialPoints:
 
 @dataclass(frozen=True)
 class BodyResidual:
-    """The work of the stress of a body.
+    """The work of the stress of a body."""
 
-    Attributes:
-        form: F(u; .), UFL.
-        tangent: its derivative where that is not the one of UFL; None: it is.
-        points: of the materials with a state.
-        followers: the loads that follow the body.
-        free: its free expansion, UFL; None: there is none.
-        heat: takes the free expansion to a place in the lists of factors.
-        path: whose times the materials go through.
-    """
-
-    form: Any
-    tangent: Any | None
-    points: tuple[MaterialPoints, ...]
-    followers: Followers
-    free: Any | None
-    heat: Callable[[float], None]
-    path: LoadPath
+    form: Any  # F(u; .), UFL
+    tangent: Any | None  # its derivative where that is not the one of UFL; None: it is
+    points: tuple[MaterialPoints, ...]  # of the materials with a state
+    followers: Followers  # the loads that follow the body
+    free: Any | None  # its free expansion, UFL; None: there is none
+    heat: Callable[[float], None]  # takes the free expansion to a place in the lists of factors
+    path: LoadPath  # whose times the materials go through
 
     def move_to(self, step: float) -> None:
         """Take the loads that follow the body, the temperature and the time of a place in the lists of factors."""

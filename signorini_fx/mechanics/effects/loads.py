@@ -412,9 +412,6 @@ def _without_density(statement: Any, key: str) -> Contradictions:
 class PointValues:
     """A function of the position from a .csv with the columns x, y, in 3D z, and change; linear between the points,
     whose triangulation is that of Delaunay.
-
-    Attributes:
-        file: the table.
     """
 
     file: Path

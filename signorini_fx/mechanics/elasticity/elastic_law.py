@@ -36,28 +36,18 @@ Interpolation = tuple[fem.Function, fem.Expression]
 class ElementStress:
     """The stress of a displacement that the elements work with, as UFL, and what follows from its law: everything that
     shows or judges a stress takes it from here.
-
-    Attributes:
-        displacement: y, whose values may change.
-        kinematics: of the displacement.
-        in_space: shape (3, 3); of the displacement at the time of the last ``refresh``.
-        compliance: components tau of a difference of stresses -> C^-1 tau : tau.
-        modulus: the largest normal stress per strain, lambda + 2 mu.
-        shear_modulus: mu, the mean one of an orthotropic material; None: the body is not known to be isotropic.
-        interpolated: what it does not see of the displacement itself.
-        parts: the cells of each part within which the stress has no jumps, local numbers, ghosts included.
-        move: takes jumps and initial strains to a place in the lists of factors.
     """
 
-    displacement: fem.Function
-    kinematics: Kinematics
-    in_space: Any
-    compliance: Callable[[Any], Any]
-    modulus: Any
-    shear_modulus: Any
-    interpolated: Sequence[Interpolation] = ()
+    displacement: fem.Function  # y, whose values may change
+    kinematics: Kinematics  # of the displacement
+    in_space: Any  # shape (3, 3); of the displacement at the time of the last ``refresh``
+    compliance: Callable[[Any], Any]  # components tau of a difference of stresses -> C^-1 tau : tau
+    modulus: Any  # the largest normal stress per strain, lambda + 2 mu
+    shear_modulus: Any  # mu, the mean one of an orthotropic material; None: the body is not known to be isotropic
+    interpolated: Sequence[Interpolation] = ()  # what it does not see of the displacement itself
+    # The cells of each part within which the stress has no jumps, local numbers, ghosts included.
     parts: Sequence[npt.NDArray[np.int32]] = ()
-    move: Callable[[float], None] = lambda place: None
+    move: Callable[[float], None] = lambda place: None  # takes jumps and initial strains to a place
 
     def refresh(self, step: float) -> None:
         """Take from the displacement anew what the stress does not see of it, on all cells of this rank, at a place."""
@@ -113,26 +103,16 @@ def fields_of(displacement: fem.Function) -> tuple[fem.Function, ...]:
 
 @dataclass(frozen=True)
 class SceneLaw:
-    """The law of the materials of a scene; its methods are collective.
+    """The law of the materials of a scene; its methods are collective."""
 
-    Attributes:
-        pressed: whether a pressure is an unknown too, so that the matrix is indefinite.
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        space: of the displacement.
-        lame: Lame parameters as coefficients, of materials that are not isotropic their means.
-        stiffness: where a material is not isotropic; None: all are.
-        reduced: quadrature degree of the volumetric term where it is reduced, else None.
-    """
-
-    pressed: ClassVar[bool] = False
+    pressed: ClassVar[bool] = False  # whether a pressure is an unknown too, so that the matrix is indefinite
 
     statement: Statement
     tagged: TaggedMesh
-    space: fem.FunctionSpace
-    lame: tuple[Any, Any]
-    stiffness: CellwiseStiffness | None = None
-    reduced: int | None = None
+    space: fem.FunctionSpace  # of the displacement
+    lame: tuple[Any, Any]  # Lame parameters as coefficients, of materials that are not isotropic their means
+    stiffness: CellwiseStiffness | None = None  # where a material is not isotropic; None: all are
+    reduced: int | None = None  # quadrature degree of the volumetric term where it is reduced, else None
 
     @property
     def kinematics(self) -> Kinematics:

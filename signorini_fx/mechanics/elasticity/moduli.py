@@ -144,16 +144,10 @@ def reduced_degree(statement: Statement, mesh: dmesh.Mesh) -> int | None:
 
 @dataclass(frozen=True)
 class CellwiseStiffness:
-    """The stiffness of all cells, with the axes in their middle.
+    """The stiffness of all cells, with the axes in their middle."""
 
-    Attributes:
-        stiffness: stresses from strains, see ``Kinematics.stressed``, shape (m, m).
-        free_strain: the tensor of the initial strain, which is one where a material expands alike in all directions,
-            shape (m,).
-    """
-
-    stiffness: fem.Function
-    free_strain: fem.Function
+    stiffness: fem.Function  # stresses from strains, see ``Kinematics.stressed``, shape (m, m)
+    free_strain: fem.Function  # the initial strain, one where a material expands alike in all directions, shape (m,)
 
 
 def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:

@@ -19,39 +19,25 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Which displacements a body has, and the strains, measures and rigid motions that belong to them.
+    """Which displacements a body has, and the strains, measures and rigid motions that belong to them."""
 
-    Attributes:
-        words: what it is called.
-        dimension: d, components of the displacement.
-        rotations: the two axes of each rotation, which turns the first towards the second; in 3D the rotation about
-            x[0] is first.
-        normal_out: whether the components of the strain include that along x[2], which is across the mesh.
-        out_of_section: components of the displacement along x[2], which is across the mesh.
-        prevented: whether a strain across the mesh is prevented, so that there is a stress.
-        whole: whether forces are those of the whole body; else they are per unit of length across the mesh.
-        uniform: whether areas and lengths of the mesh are those of the body, up to ``depth``, everywhere alike.
-        further_degrees: by how much the quadrature degree of products of strains is higher, as strains or the measure
-            are no polynomials of the degree that the displacement has.
-        motions_without_strain: which translations and rotations about the origin have no strain; None: all.
-        zero_on_axis: components of the displacement that vanish where x[0] = 0.
-        least_x: the smallest x[0] that a mesh may have.
-        refuses: what does not go together with it, by its name, and why.
-    """
-
-    words: str
-    dimension: int
+    words: str  # what it is called
+    dimension: int  # d, components of the displacement
+    # The two axes of each rotation, which turns the first towards the second; in 3D the rotation about x[0] is first.
     rotations: tuple[tuple[int, int], ...]
-    normal_out: bool = False
-    out_of_section: int = 0
-    prevented: bool = False
-    whole: bool = False
-    uniform: bool = True
+    normal_out: bool = False  # whether the components of the strain include that along x[2], which is across the mesh
+    out_of_section: int = 0  # components of the displacement along x[2], which is across the mesh
+    prevented: bool = False  # whether a strain across the mesh is prevented, so that there is a stress
+    whole: bool = False  # whether forces are those of the whole body; else they are per unit of length across the mesh
+    uniform: bool = True  # whether areas and lengths of the mesh are those of the body, up to ``depth``
+    # By how much the quadrature degree of products of strains is higher, where these are no polynomials of the degree
+    # that the displacement has.
     further_degrees: int = 0
+    # Which translations and rotations about the origin have no strain; None: all.
     motions_without_strain: tuple[bool, ...] | None = None
-    zero_on_axis: tuple[int, ...] = ()
-    least_x: float = -np.inf
-    refuses: Mapping[str, str] = field(default_factory=dict)
+    zero_on_axis: tuple[int, ...] = ()  # components of the displacement that vanish where x[0] = 0
+    least_x: float = -np.inf  # the smallest x[0] that a mesh may have
+    refuses: Mapping[str, str] = field(default_factory=dict)  # what does not go together with it, by its name, and why
 
     @cached_property
     def motions(self) -> int:

@@ -38,15 +38,10 @@ VectorField = Annotated[
 
 @dataclass(frozen=True)
 class FrictionAxes:
-    """The axes of friction at each of n points.
+    """The axes of friction at each of n points."""
 
-    Attributes:
-        along: a vector whose part in the tangent plane is along e_1, shape (n, 3); zero: friction has no direction.
-        ratio: r, shape (n,).
-    """
-
-    along: Array
-    ratio: Array
+    along: Array  # a vector whose part in the tangent plane is along e_1, shape (n, 3); zero: friction has no direction
+    ratio: Array  # r, shape (n,)
 
     @classmethod
     def joined(cls, parts: Sequence[FrictionAxes | None], sizes: Sequence[int]) -> FrictionAxes | None:

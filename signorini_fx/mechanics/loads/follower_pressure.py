@@ -87,19 +87,12 @@ def without_followers(statement: Statement) -> Statement:
 
 @dataclass(frozen=True)
 class Followers:
-    """The loads of a scene that follow its body.
+    """The loads of a scene that follow its body."""
 
-    Attributes:
-        works: of each of them with a test function, negative as in a residual, UFL.
-        effects: the tractions with a pressure, and centrifugal forces.
-        factors: their load factors of now.
-        on: gives their values at a time.
-    """
-
-    works: Sequence[Any]
-    effects: Sequence[Any]
-    factors: Sequence[fem.Constant]
-    on: FormCoefficients
+    works: Sequence[Any]  # of each of them with a test function, negative as in a residual, UFL
+    effects: Sequence[Any]  # the tractions with a pressure, and centrifugal forces
+    factors: Sequence[fem.Constant]  # their load factors of now
+    on: FormCoefficients  # gives their values at a time
 
     @classmethod
     def of(cls, statement: Statement, tagged: TaggedMesh, u: fem.Function, ds: Any, dx: Any) -> Followers:

@@ -41,23 +41,14 @@ _Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump on this rank.
+    """A jump on this rank."""
 
-    Attributes:
-        path: of its entry in the scene.
-        entry: that entry.
-        amount: s, length, at a place in the lists of factors.
-        axis: n, shape (d,).
-        nodes: which nodes lie on its section, ghosts included, shape (nodes,).
-        cells: the cells beyond it with such nodes, ghosts included, shape (c,).
-    """
-
-    path: str
+    path: str  # of its entry in the scene
     entry: Preload
-    amount: Callable[[float], float]
-    axis: _Floats
-    nodes: _Flags
-    cells: npt.NDArray[np.int32]
+    amount: Callable[[float], float]  # s, length, at a place in the lists of factors
+    axis: _Floats  # n, shape (d,)
+    nodes: _Flags  # which nodes lie on its section, ghosts included, shape (nodes,)
+    cells: npt.NDArray[np.int32]  # the cells beyond it with such nodes, ghosts included, shape (c,)
 
     @property
     def at_nodes(self) -> _Floats:

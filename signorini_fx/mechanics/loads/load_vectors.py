@@ -39,28 +39,18 @@ class AppliedLoad:
     """The loads and prescribed displacements that share one list of load factors, as the scene has them.
 
     Those that depend on the time are separate, and have the values of one time.
-
-    Attributes:
-        factor: from a place in the lists of factors to what multiplies it there.
-        forms: the compiled terms of L; none if there are prescribed displacements only.
-        forces: L at the owned dofs, shape (owned dofs,).
-        prescribed: zero, with its prescribed displacements put in.
-        again: from a place in the lists of factors to the same at the time of that place, collective; None: it does not
-            depend on the time.
-        driven: what drives rigid bodies; None: nothing.
-        balanced: whether its forces balance each other in each cell, as those of initial strains do.
-        entry: the entry of the scene that it is of alone; None: of several.
-        pressure_load: the work of an initial strain at the owned unknowns of a pressure, volumes; None: forces say it.
     """
 
-    factor: Callable[[float], float]
-    forms: tuple[fem.Form, ...]
-    forces: npt.NDArray[np.float64]
-    prescribed: fem.Function
+    factor: Callable[[float], float]  # from a place in the lists of factors to what multiplies it there
+    forms: tuple[fem.Form, ...]  # the compiled terms of L; none if there are prescribed displacements only
+    forces: npt.NDArray[np.float64]  # L at the owned dofs, shape (owned dofs,)
+    prescribed: fem.Function  # zero, with its prescribed displacements put in
+    # From a place to the same at the time of that place, collective; None: it does not depend on the time.
     again: Callable[[float], AppliedLoad] | None = None
-    driven: Driven | None = None
-    balanced: bool = False
-    entry: Load | None = None
+    driven: Driven | None = None  # what drives rigid bodies; None: nothing
+    balanced: bool = False  # whether its forces balance each other in each cell, as those of initial strains do
+    entry: Load | None = None  # the entry of the scene that it is of alone; None: of several
+    # The work of an initial strain at the owned unknowns of a pressure, volumes; None: forces say it.
     pressure_load: npt.NDArray[np.float64] | None = None
 
     def at(self, step: float) -> AppliedLoad:
@@ -81,17 +71,11 @@ class AppliedLoad:
 
 @dataclass(frozen=True)
 class FormCoefficients:
-    """Values of a scene as UFL, ``statement.effect.Coefficients``.
-
-    Attributes:
-        statement: what is stated of the problem.
-        tagged: its mesh.
-        space: of the displacement; a callable is interpolated at its nodes.
-    """
+    """Values of a scene as UFL, ``statement.effect.Coefficients``."""
 
     statement: Statement
     tagged: TaggedMesh
-    space: fem.FunctionSpace
+    space: fem.FunctionSpace  # of the displacement; a callable is interpolated at its nodes
 
     @cached_property
     def _time(self) -> fem.Constant:

@@ -29,19 +29,12 @@ Conditions = list[tuple[PrescribedDisplacement, fem.DirichletBC]]
 
 @dataclass(frozen=True)
 class Supports:
-    """What supports prescribe on a mesh.
+    """What supports prescribe on a mesh."""
 
-    Attributes:
-        conditions: the prescribed displacements of the first load step, one component each.
-        skew: those along the normals of flat boundaries across no axis.
-        turned: the nodes of these; None: there are none.
-        fixed: the prescribed components at the owned nodes, in the frames of turned ones, shape (owned dofs,).
-    """
-
-    conditions: Conditions
-    skew: list[SkewSupport]
-    turned: TurnedNodes | None
-    fixed: npt.NDArray[np.bool_]
+    conditions: Conditions  # the prescribed displacements of the first load step, one component each
+    skew: list[SkewSupport]  # those along the normals of flat boundaries across no axis
+    turned: TurnedNodes | None  # the nodes of these; None: there are none
+    fixed: npt.NDArray[np.bool_]  # the prescribed owned dofs, in the frames of turned nodes, shape (owned dofs,)
     _place: tuple[Statement, fem.FunctionSpace, dict[str, npt.NDArray[np.int32]], TaggedMesh]
 
     @classmethod
