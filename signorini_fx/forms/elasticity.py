@@ -25,12 +25,12 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, facet_entities, facet_nodes, marked_nodes
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, cellwise_stress
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.kinematics.protocol import PLANE_STRESS, padded
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
+from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes

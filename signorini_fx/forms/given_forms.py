@@ -20,13 +20,12 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.coulomb import NoFriction
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section, tagged_mesh
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import ElasticBody, Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps
 from signorini_fx.mechanics.statement.settings import Discretised, SolverSettings

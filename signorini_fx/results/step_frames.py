@@ -17,9 +17,9 @@ from signorini_fx.algebra.contact.nodal_vectors import Nodal as Array
 from signorini_fx.algebra.contact.nodal_vectors import length, unit
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.tuned import ROOT_OF_EPS

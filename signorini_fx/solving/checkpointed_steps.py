@@ -21,8 +21,8 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets, bound_of_sets, 
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import no_points
+from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.records import History, IterationRecord, OuterRecord, Status, Timings, as_rows
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.restart_files import Checkpoint, Figures

@@ -25,10 +25,9 @@ from signorini_fx.extensions import add_on
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_vertices
 from signorini_fx.mechanics.body.deformation import Deformation
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.model import ElasticBody, Model
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_motions import MOST_LISTED, names_of, rounded
 from signorini_fx.mechanics.statement.effect import Force, Resistance, is_zero

@@ -18,8 +18,8 @@ from two_bodies import paraboloids
 
 from signorini_fx.algebra.linalg import blocks, factorisation, is_by_blocks, kernels, krylov, petsc_calls
 from signorini_fx.errors import MachineError
+from signorini_fx.mechanics import model as models
 from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness, block_stiffness
-from signorini_fx.mechanics.body import elastic_body
 from signorini_fx.records import Status
 from signorini_fx.scenes.solver import solve
 
@@ -65,7 +65,7 @@ def two_matrices(dimension, comm):
     some = np.arange(0, len(fixed) // dimension, 3)
     springs = np.random.default_rng(comm.rank).standard_normal((len(some), dimension, dimension))
     beside = NodalStiffness(some, springs @ springs.transpose(0, 2, 1))
-    ours, theirs = block_stiffness(forms, fixed, beside), elastic_body.sum_of(forms, bcs)
+    ours, theirs = block_stiffness(forms, fixed, beside), models.sum_of(forms, bcs)
     beside.add_to(theirs, fixed)
     diagonal = theirs.getDiagonal()
     diagonal.getArray()[fixed] = comm.allreduce(diagonal.getArray().max(initial=0.0), op=MPI.MAX)
@@ -88,7 +88,7 @@ def either(monkeypatch):
                 _kinds.add(is_by_blocks(self.matrix))
                 ksp.setPostSolve(lambda solver, b, x: _steps.append((b.getSize(), solver.getIterationNumber())))
 
-            monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", fewest)
+            monkeypatch.setattr(models, "FEWEST_BLOCK_UNKNOWNS", fewest)
             monkeypatch.setattr(krylov.KrylovSystem, "configure", watched)
             solution = solve(make(), comm) if solving else make()
             assert kinds == {fewest == 0}
@@ -151,7 +151,7 @@ def test_without_a_compiler(monkeypatch):
 
     monkeypatch.setattr(kernels, "library", refuse)
     monkeypatch.setattr(kernels, "_LOADED", {})
-    monkeypatch.setattr(elastic_body, "FEWEST_BLOCK_UNKNOWNS", 0)
+    monkeypatch.setattr(models, "FEWEST_BLOCK_UNKNOWNS", 0)
     with pytest.raises(MachineError, match="there is no C compiler"):
         solve(block(6, bound=1.5, linear_algebra="krylov"), MPI.COMM_SELF)
 

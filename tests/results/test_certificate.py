@@ -11,9 +11,9 @@ from scenes import alone, example1, stack_of_three, table_of
 
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.refinement import refine
+from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.scenes.mesh import load_mesh

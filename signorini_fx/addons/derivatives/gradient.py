@@ -30,9 +30,9 @@ from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, contact_map
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.quantities.differentiable import ContactForce, Functional
 from signorini_fx.results.step_frames import turned

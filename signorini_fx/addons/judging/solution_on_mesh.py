@@ -17,11 +17,11 @@ from scipy.sparse.linalg import lsqr, splu
 
 from signorini_fx.addons.judging.judged_problem import JudgedProblem
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.body.elastic_body import sum_of
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import Floats, Ints
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, from_arrays
+from signorini_fx.mechanics.model import sum_of
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
 from signorini_fx.results.solution import Solution

@@ -18,7 +18,7 @@ from dolfinx import fem
 
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import adjugates
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
+from signorini_fx.mechanics.model import ElasticBody
 
 Array = npt.NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.linalg import petsc_calls, petsc_options
 from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.body.elastic_body import ElasticBody
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.records import IterationRecord
 from signorini_fx.results.accuracy.error_estimates import Errors
 
