@@ -23,7 +23,6 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_vertices
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
-from signorini_fx.mechanics.elasticity.moduli import moduli_of
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.initial_strains import holds, jump_loads, jumps_in
 from signorini_fx.mechanics.loads.load_vectors import (
@@ -55,23 +54,20 @@ def prepare(statement: Statement, tagged: TaggedMesh, timings: Timings, *, path_
     factors, at which foundations are, -1 before any has moved; collective.
 
     Raises:
-        SceneError: a material is not linear; a file is not there on some rank; or with all errors that only the mesh
-            reveals: boundaries and regions that do not exist or are empty, contact and prescribed displacement in
-            conflict, expressions that are not finite.
+        SceneError: a file is not there on some rank; or with all errors that only the mesh reveals: boundaries and
+            regions that do not exist or are empty, contact and prescribed displacement in conflict, expressions that
+            are not finite.
         MeshError: the cells of the mesh are not connected.
     """
     _refuse_missing_files(statement, tagged.mesh.comm)
-    if nonlinear := [k for k, material in enumerate(statement.material) if not material.linear]:
-        raise SceneError(
-            [(f"material[{nonlinear[0]}].law", "is not possible here yet: solve() and check() alone know it")]
-        )
     if statement.kinematics.out_of_section and tagged.dimension == tagged.mesh.geometry.dim == 2:
         from signorini_fx.mechanics.mesh.tagged import section_in_space
 
         tagged = replace(tagged, mesh=section_in_space(tagged.mesh))
+    facets = boundary_facets(statement, tagged)
     _try_functions(statement, tagged)
     try:
-        return _prepared(statement.placed(path_step), tagged, timings)
+        return _prepared(statement.placed(path_step), tagged, facets, timings)
     except FormError as error:  # of a foundation; the allowance of a pair is the gap of a scene
         raise SceneError([(path.replace("].allowance", "].gap"), wrong) for path, wrong in error.problems]) from None
 
@@ -87,21 +83,21 @@ def _refuse_missing_files(statement: Statement, comm: MPI.Comm) -> None:
     parallel.raise_together(comm, SceneError(missing) if missing else None)
 
 
-def _prepared(statement: Statement, tagged: TaggedMesh, timings: Timings) -> Model:
+def _prepared(
+    statement: Statement, tagged: TaggedMesh, facets: dict[str, npt.NDArray[np.int32]], timings: Timings
+) -> Model:
     check_materials(statement.material)
-    _check_measure(statement.kinematics_in(tagged.dimension), tagged)
-    facets, (lame, *_), _ = together(
-        partial(boundary_facets, statement, tagged),
-        partial(moduli_of, statement, tagged),
-        partial(check_fits, statement, tagged),
-    )
+    kinematics = statement.kinematics_in(tagged.dimension)
+    _check_measure(kinematics, tagged)
+    space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
+    on = FormCoefficients(statement, tagged, space)
+    elastic, _ = together(lambda: on.elastic, partial(check_fits, statement, tagged))
     if statement.sides[1] is not None:
-        statement = with_chosen_sides(statement, tagged, facets, lame[1])
+        statement = with_chosen_sides(statement, tagged, facets, elastic.lame[1])
+        on = replace(on, statement=statement)
     pieces = find_pieces(tagged.mesh)
     if statement.bodies:
         pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
-    space = fem.functionspace(tagged.mesh, ("Lagrange", statement.element.degree, (tagged.mesh.geometry.dim,)))
-    kinematics, on = statement.kinematics_in(tagged.dimension), FormCoefficients(statement, tagged, space)
     with timings.phase("compile"):
         acting = [effect for effect in statement.of(Resistance) if effect.acts]
         resistance = compile_resistance(acting, on, ufl.TrialFunction(space), ufl.TestFunction(space))
@@ -328,9 +324,7 @@ def _try_functions(statement: Statement, tagged: TaggedMesh) -> None:
     """
     problems = []
     for path, entry in statement.listed():
-        strains, region = isinstance(entry, InitialStrain), getattr(entry, "region", None)
-        if strains and region is not None and region not in tagged.regions:
-            continue  # said where names are looked at
+        strains = isinstance(entry, InitialStrain)
         for step in range(statement.steps if strains and entry.timed else 1):
             for key, value in _values(entry.at_time(statement.time_at(step)) if strains else entry):
                 problems += _problems(f"{path}.{key}", value, entry, tagged)
@@ -370,10 +364,10 @@ def _values(entry: Any) -> Iterator[tuple[str, Any]]:
 
 def _points_of(entry: Any, tagged: TaggedMesh) -> npt.NDArray[np.float64]:
     """Nodes of the region of an entry, of its boundary with middles of facets, or of the mesh, shape (3, n)."""
-    mesh, boundary, region = tagged.mesh, getattr(entry, "boundary", None) or "", getattr(entry, "region", None) or ""
-    if boundary in tagged.boundaries:
+    mesh, boundary, region = tagged.mesh, getattr(entry, "boundary", None), getattr(entry, "region", None)
+    if boundary is not None:
         corners = facet_vertices(mesh, tagged.facets(boundary))
         return np.concatenate((corners.reshape(-1, 3), corners.mean(axis=1))).T
-    if region in tagged.regions:
+    if region is not None:
         return np.ascontiguousarray(mesh.geometry.x[np.unique(compat.geometry_cells(mesh)[tagged.cells(region)])].T)
     return np.ascontiguousarray(mesh.geometry.x.T)

@@ -241,19 +241,15 @@ class IsotropicLaw(SceneLaw):
 class CellwiseLaw(SceneLaw):
     """By the stiffness of each cell."""
 
-    @property
-    def of_cells(self) -> CellwiseStiffness:
-        """The stiffness."""
-        assert self.stiffness is not None
-        return self.stiffness
+    stiffness: CellwiseStiffness
 
     @property
     def uniform_strain(self) -> Any:
-        return self._tensor(self.of_cells.free_strain)
+        return self._tensor(self.stiffness.free_strain)
 
     def parts(self, strain: Any) -> list[tuple[Any, int | None]]:
         strains = components(strain, self.kinematics.stressed)
-        return [(self._tensor(ufl.dot(self.of_cells.stiffness, strains)), None)]
+        return [(self._tensor(ufl.dot(self.stiffness.stiffness, strains)), None)]
 
     def _tensor(self, values: Any) -> Any:
         """A tensor from its components, UFL, shape (3, 3)."""
@@ -262,7 +258,7 @@ class CellwiseLaw(SceneLaw):
 
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         ((sigma, _),) = self.parts(self.elastic(moved, initial, on_axis=True))
-        m, stiffness = len(self.kinematics.pairs), self.of_cells.stiffness
+        m, stiffness = len(self.kinematics.pairs), self.stiffness.stiffness
         moduli = stiffness.x.array.reshape(-1, *stiffness.ufl_shape)[:, :m, :m]
         return cellwise_stress(y, self.kinematics, sigma, moduli, self.lame[1])
 

@@ -36,7 +36,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, embedding
-from signorini_fx.mechanics.elasticity.moduli import graded, of_materials
+from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.tuned import NOTHING_LEFT
 
@@ -124,8 +124,9 @@ class MixedLaw(SceneLaw):
 
     def _coefficient(self, number: Callable[[Any, float], Any]) -> Any:
         """A number from Young's modulus, a float or an array, and Poisson's ratio, as a coefficient."""
-        of, share = (self.statement, self.tagged), graded(self.statement, self.tagged)
-        (coefficient,) = of_materials(*of, lambda one, part: (number(one.young * part, one.poisson),), share)
+        (coefficient,) = of_materials(
+            self.statement, self.tagged, lambda one, share: (number(one.young * share, one.poisson),)
+        )
         return coefficient
 
     @cached_property
@@ -185,14 +186,13 @@ class MixedLaw(SceneLaw):
 
     def jump_terms(self, jump: fem.Function, z: Any) -> tuple[Any, ...]:
         """The second one is of the change of volume."""
-        return *self.terms(jump, z), self._constraint(jump, fem.Function(self.own))[0]
+        dilation = ufl.tr(self.kinematics.strain(jump)) * self._pressure(ufl.TestFunction(self.own))
+        return *self.terms(jump, z), self._integral(-dilation, self.degree)
 
     def assembled(self, forms: Sequence[fem.Form], owned: int) -> tuple[_Floats, _Floats | None]:
         """Of a strain on the pressure alone, of a jump on both."""
         *of_displacement, of_pressure = forms
-        if not of_displacement:
-            return np.zeros(owned), assemble(of_pressure)
-        return super().assembled(of_displacement, owned)[0], np.asarray(assemble(of_pressure) / self.unit)
+        return super().assembled(of_displacement, owned)[0], assemble(of_pressure)
 
     def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
         pressed = self._integral(-hydrostatic_of(y) * ufl.tr(self.kinematics.strain(z)), self.degree)

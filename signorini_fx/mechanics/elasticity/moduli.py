@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import basix
@@ -16,7 +15,7 @@ import numpy.typing as npt
 from dolfinx import default_scalar_type, fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx.errors import SceneError, together
+from signorini_fx.errors import SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.materials.protocol import PAIRS, Array
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -31,8 +30,8 @@ def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
     Raises:
         SceneError: a cell is in no region that has a material, or in several.
     """
-    regions = [material.region for material in statement.material if material.region in tagged.regions]
-    if len(regions) < len(statement.material):  # all of the body, or a name that is reported elsewhere
+    regions = [material.region for material in statement.material]
+    if None in regions:  # all of the body
         return
     comm, cells = tagged.mesh.comm, tagged.mesh.topology.index_map(tagged.mesh.topology.dim)
     covered = np.zeros(cells.size_local + cells.num_ghosts, dtype=np.int32)
@@ -49,23 +48,20 @@ def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
 
 
 def of_materials(
-    statement: Statement,
-    tagged: TaggedMesh,
-    numbers: Callable[[Any, Any], tuple[Any, ...]],
-    share: fem.Function | None = None,
+    statement: Statement, tagged: TaggedMesh, numbers: Callable[[Any, Any], tuple[Any, ...]]
 ) -> tuple[Any, ...]:
     """Numbers of the materials: constants of one material, cell-wise functions of several and of graded ones;
-    ``numbers`` gives them from a material and the values of ``share`` in its cells, 1 without one.
+    ``numbers`` gives them from a material and the values of its grading in its cells; collective.
+
+    Raises:
+        SceneError: a grading is not between 0 and 1.
     """
-    mesh, (first, *others) = tagged.mesh, statement.material
-    of_first = numbers(first, 1.0)
-    if not others and share is None:
+    mesh, share, of_first = tagged.mesh, graded(statement, tagged), numbers(statement.material[0], 1.0)
+    if len(statement.material) == 1 and share is None:
         return tuple(fem.Constant(mesh, default_scalar_type(number)) for number in of_first)
     space = fem.functionspace(mesh, ("DG", 0))
     functions = tuple(fem.Function(space) for _ in of_first)
     for material in statement.material:
-        if material.region is not None and material.region not in tagged.regions:
-            continue  # which is reported elsewhere
         dofs = space.dofmap.list[tagged.cells(material.region), 0]
         values = numbers(material, 1.0 if share is None else share.x.array[dofs])
         for function, value in zip(functions, values, strict=True):
@@ -76,17 +72,10 @@ def of_materials(
 
 
 def lame_coefficients(statement: Statement, tagged: TaggedMesh) -> tuple[Any, Any]:
-    """Lame parameters, see ``of_materials``; collective.
-
-    Raises:
-        SceneError: a grading is not between 0 and 1.
-    """
-
-    def lame(material: Any, share: Any) -> tuple[Any, Any]:
-        first, second = material.lame
-        return share * first, share * second
-
-    first, second = of_materials(statement, tagged, lame, graded(statement, tagged))
+    """Lame parameters, see ``of_materials``; collective."""
+    first, second = of_materials(
+        statement, tagged, lambda material, share: tuple(share * number for number in material.lame)
+    )
     return first, second
 
 
@@ -110,11 +99,10 @@ def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
     grading = fem.Function(fem.functionspace(mesh, ("DG", 0)))
     grading.x.array[:] = 1.0
     for index, material in enumerate(statement.material):
-        value = material.grading
-        if value is None or (material.region is not None and material.region not in tagged.regions):
-            continue  # the latter is reported elsewhere
+        if material.grading is None:
+            continue
         cells = tagged.cells(material.region)
-        values = sample(value, middles(tagged, cells))
+        values = sample(material.grading, middles(tagged, cells))
         if parallel.any_rank(mesh.comm, not ((values > 0) & (values <= 1 + SAME_NUMBER)).all()):
             bounds = "must be above 0 and at most 1 in the middle of each cell: young is the largest Young's modulus"
             problems.append((f"material[{index}].grading", bounds))
@@ -165,8 +153,6 @@ def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStif
     at_cells, free_at_cells = moduli.x.array.reshape(-1, m, m), free.x.array.reshape(-1, m)
     problems = []
     for number, material in enumerate(statement.material):
-        if material.region is not None and material.region not in tagged.regions:
-            continue  # which is reported elsewhere
         cells = tagged.cells(material.region)
         axes = np.asarray(material.axes(middles(tagged, cells)))
         faults = tagged.mesh.comm.allgather(_fault_of_axes(axes, len(cells), material.words))
@@ -214,22 +200,3 @@ def _turned(axes: Array) -> Array:
         for q, (a, b) in enumerate(PAIRS):
             bond_matrices[:, p, q] = axes[:, i, a] * axes[:, j, b] + (axes[:, i, b] * axes[:, j, a] if a != b else 0)
     return bond_matrices
-
-
-# Lame parameters, the stiffness of each cell, and the degree of the reduced term, see ``IsotropicLaw``.
-Moduli = tuple[tuple[Any, Any], CellwiseStiffness | None, int | None]
-
-
-def moduli_of(statement: Statement, tagged: TaggedMesh) -> Moduli:
-    """Those of the materials of a scene on its mesh; collective.
-
-    Raises:
-        SceneError: with all that the mesh reveals of them, see the functions below.
-    """
-    lame, stiffness, reduced, _ = together(
-        partial(lame_coefficients, statement, tagged),
-        partial(cellwise_stiffness, statement, tagged),
-        partial(reduced_degree, statement, tagged.mesh),
-        partial(check_covers, statement, tagged),
-    )
-    return lame, stiffness, reduced

@@ -14,14 +14,20 @@ import ufl
 from dolfinx import default_scalar_type, fem
 from mpi4py import MPI
 
-from signorini_fx.errors import SceneError
+from signorini_fx.errors import SceneError, together
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, facet_vertices, measure
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.elasticity.elastic_law import CellwiseLaw, IsotropicLaw, SceneLaw
-from signorini_fx.mechanics.elasticity.moduli import moduli_of, of_materials
+from signorini_fx.mechanics.elasticity.moduli import (
+    cellwise_stiffness,
+    check_covers,
+    lame_coefficients,
+    of_materials,
+    reduced_degree,
+)
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.loads.supports import forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -109,9 +115,18 @@ class FormCoefficients:
 
     @cached_property
     def elastic(self) -> SceneLaw:
-        """The elastic law, with coefficients of its own."""
+        """The elastic law, with coefficients of its own; collective.
+
+        Raises:
+            SceneError: with all that the mesh reveals of the materials.
+        """
         of = self.statement, self.tagged, self.space
-        lame, stiffness, reduced = moduli_of(self.statement, self.tagged)
+        lame, stiffness, reduced, _ = together(
+            partial(lame_coefficients, self.statement, self.tagged),
+            partial(cellwise_stiffness, self.statement, self.tagged),
+            partial(reduced_degree, self.statement, self.tagged.mesh),
+            partial(check_covers, self.statement, self.tagged),
+        )
         if self.statement.element.pressed:
             from signorini_fx.mechanics.elasticity.mixed_pressure import MixedLaw
 
@@ -149,10 +164,7 @@ class FormCoefficients:
         """
         boundary, spread, mesh = str(effect.where), effect.spread, self.space.mesh
         if (boundary, spread) not in self._totals:
-            (where,) = measures(self.space, [effect], self.tagged.facets)
-            degree = {"quadrature_degree": effect.degree(self.space.element.basix_element.degree)}
-            density = self.value(spread) * self.around
-            form = compile_form(density * where(metadata=degree))
+            form = _compiled([effect], lambda effect: self.value(effect.spread), self)
             integral = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))
