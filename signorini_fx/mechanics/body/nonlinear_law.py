@@ -153,7 +153,7 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     around = kinematics.measure(position(u))
     free, _, heat = given_strains(statement, tagged, space)
     v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
-    energies, forms, tangents, points = [], [], [], []
+    energies, forms, of_states, points = [], [], [], []
     for number, (material, owned) in enumerate(zip(statement.material, cells, strict=True)):
         shape = volume = measure(number, metadata={"quadrature_degree": full, "quadrature_rule": "default"})
         if reduced is not None:
@@ -162,22 +162,16 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
             parts_of_energy = _energies(material, kinematics.gradient(u), free)
             energies += [energy * around * d for energy, d in zip(parts_of_energy, (shape, volume), strict=False)]
             continue
-        bulk, shear = _constants(material)
-        strain, tested, tried = (kinematics.strain(y) for y in (u, v, du))
-        if free is not None:
-            strain -= free * ufl.Identity(3)
-        work, change = (bulk * ufl.tr(one) * ufl.tr(tested) * around * volume for one in (strain, tried))
+        (bulk, shear), strain, tested = _constants(material), _elastic(kinematics.strain(u), free), kinematics.strain(v)
         if isinstance(material, PathDependent):
             state = _points(material, owned, kinematics, space, strain, full)
             points.append(state)
-            tested, tried = (_components(one, state.pairs) for one in (tested, tried))
-            work = ufl.inner(state.stress, tested) * around * shape + work
-            change = ufl.inner(ufl.dot(state.tangent, tried), tested) * around * shape + change
+            by_components, tried = (_components(one, state.pairs) for one in (tested, kinematics.strain(du)))
+            forms.append(ufl.inner(state.stress, by_components) * around * shape)
+            of_states.append(ufl.inner(ufl.dot(state.tangent, tried), by_components) * around * shape)
         else:
-            work += 2 * shear * ufl.inner(ufl.dev(strain), tested) * around * shape
-            change += 2 * shear * ufl.inner(ufl.dev(tried), tested) * around * shape
-        forms.append(work)
-        tangents.append(change)
+            forms.append(2 * shear * ufl.inner(ufl.dev(strain), tested) * around * shape)
+        forms.append(bulk * ufl.tr(strain) * ufl.tr(tested) * around * volume)
     if energies:
         forms.append(ufl.derivative(sum(energies[1:], energies[0]), u, v))
     springs = [effect for effect in statement.of(Resistance) if effect.acts]
@@ -188,27 +182,29 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
     for number, effect in enumerate(springs, len(following(statement)) + 1):
         part = ds(number, metadata={"quadrature_degree": effect.degree(statement.element.degree)})
         forms.append(ufl.inner(effect.reaction(u, on), v) * around * part)
-        tangents.append(ufl.inner(effect.reaction(du, on), v) * around * part)
-    tangent = sum(tangents[1:], tangents[0]) if points else None
-    return BodyResidual(sum(forms[1:], forms[0]), tangent, tuple(points), followers, free, heat, statement.path)
+    form = sum(forms[1:], forms[0])
+    tangent = sum(of_states, ufl.derivative(form, u, du)) if points else None  # UFL knows no state
+    return BodyResidual(form, tangent, tuple(points), followers, free, heat, statement.path)
 
 
 def stress_parts(material: Any, u: fem.Function, kinematics: Kinematics, free: Any | None) -> list[Any | None]:
     """The Cauchy stress in 3D of the shape, and of the volume, at small strains the stress, UFL, shape (3, 3); None: it
     is zero, or that of a state; ``free``: see ``BodyResidual``.
     """
-    identity = ufl.Identity(3)
     if not material.finite:
-        (bulk, shear), strain = _constants(material), kinematics.strain(u)
-        if free is not None:
-            strain -= free * identity
+        (bulk, shear), strain = _constants(material), _elastic(kinematics.strain(u), free)
         of_shape = None if isinstance(material, PathDependent) else 2 * shear * ufl.dev(strain)
-        return [of_shape, bulk * ufl.tr(strain) * identity]
+        return [of_shape, bulk * ufl.tr(strain) * ufl.Identity(3)]
     change = ufl.variable(kinematics.gradient(u))
-    gradient = identity + change
+    gradient = ufl.Identity(3) + change
     energies = _energies(material, change, free)
     stresses = [ufl.diff(energy, change) * gradient.T / ufl.det(gradient) for energy in energies]
     return [*stresses, None][:2]
+
+
+def _elastic(strain: Any, free: Any | None) -> Any:
+    """A small strain without the free one, UFL."""
+    return strain if free is None else strain - free * ufl.Identity(3)
 
 
 def _energies(material: Any, change: Any, free: Any | None) -> list[Any]:
