@@ -1,17 +1,10 @@
 """How contact points average the displacement around them.
 
-Most take that of their node.  Elements without a positive rule at their nodes need averages: the basis functions of the
-vertices of a quadratic triangle integrate to zero, so that ``nodal_rule`` gives them no weight.  There the
-contact points are the vertices alone, and
-
-    w_i = (psi_i, 1),    y_i = (psi_i, y) / w_i
-
-are the weight of a point and the displacement that contact sees there: (lambda, z) = sum_i w_i lambda_i z_i.  The
-psi_i are dual to the linear hat functions phi_i of the vertices on each facet f, (psi_i, phi_k)_f = (phi_i, 1)_f
-delta_ik: psi_i = 4 phi_i - 1 on a flat one.  They sum to one, so that a constant traction loads the body as it should,
-all w_i = (phi_i, 1) are positive, and y_i of a linear displacement is its value at the vertex: a point hardly feels
-the tractions of those beside it, and pressures do not alternate (Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012).
-The gap that it is compared with is that of the vertex: what is averaged of a round one is negative where it touches.
+Most take that of their node.  On quadratic triangles, whose functions of the vertices integrate to zero, the contact
+points are the vertices alone.  With the dual functions psi_i of the linear hat functions, see ``pairs.dual_functions``,
+w_i = (psi_i, 1) is the weight of a point, and y_i = (psi_i, y) / w_i the displacement that contact sees there.  Of a
+linear one that is its value at the vertex, as the gap is that of the vertex.  A point hardly feels the tractions of
+those beside it, so that pressures do not alternate.
 """
 
 from __future__ import annotations
@@ -96,25 +89,18 @@ def from_owners(owned_rows: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm) ->
     """Rows of ``owned_rows``, which has one per owned node, for global numbers of nodes; collective."""
     if comm.size == 1:
         return np.array(owned_rows[nodes], dtype=np.float64)
-    column = PETSc.Vec().createMPI((len(owned_rows), None), comm=comm)
-    rows = np.empty((nodes.size, owned_rows.shape[1]))
-    places = PETSc.IS().createGeneral(nodes.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
-    received = PETSc.Vec().createSeq(nodes.size, comm=PETSc.COMM_SELF)
-    scatter = PETSc.Scatter().create(column, places, received, None)
-    for k in range(owned_rows.shape[1]):
-        column.getArray()[:] = owned_rows[:, k]
-        scatter.scatter(column, received)
-        rows[:, k] = received.getArray(readonly=True)
-    return rows
+    width = owned_rows.shape[1]
+    sent = PETSc.Vec().createWithArray(np.array(owned_rows, dtype=np.float64).ravel(), comm=comm)
+    received = PETSc.Vec().createSeq(nodes.size * width, comm=PETSc.COMM_SELF)
+    places = PETSc.IS().createBlock(width, nodes.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
+    PETSc.Scatter().create(sent, places, received, None).scatter(sent, received)
+    return np.array(received.getArray(readonly=True)).reshape(-1, width)
 
 
 def to_owners(values: _Floats, nodes: npt.NDArray[Any], comm: MPI.Comm, owned: int) -> _Floats:
     """Sums of rows for global numbers of nodes over all ranks, at the owned nodes, shape (owned, k); collective."""
-    column = PETSc.Vec().createMPI((owned, None), comm=comm)
-    sums = np.empty((owned, values.shape[1]))
-    for k in range(values.shape[1]):
-        column.set(0.0)
-        column.setValues(nodes.astype(PETSc.IntType), values[:, k], addv=PETSc.InsertMode.ADD_VALUES)
-        column.assemble()
-        sums[:, k] = column.getArray(readonly=True)
-    return sums
+    width = values.shape[1]
+    sums = PETSc.Vec().createMPI((owned * width, None), bsize=width, comm=comm)
+    sums.setValuesBlocked(nodes.astype(PETSc.IntType), np.ascontiguousarray(values), addv=PETSc.InsertMode.ADD_VALUES)
+    sums.assemble()
+    return np.array(sums.getArray(readonly=True)).reshape(-1, width)

@@ -133,16 +133,6 @@ def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
     return np.array(vector.array[: vector.index_map.size_local * vector.block_size])
 
 
-def adjugates(matrices: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Adjugate (inverse times determinant) and determinant of many matrices, shape (d, d, ...), d = 2 or 3."""
-    if len(matrices) == 2:
-        (a, b), (c, d) = matrices
-        return np.array([[d, -b], [-c, a]]), a * d - b * c
-    columns = matrices.swapaxes(0, 1)
-    rows = [np.cross(columns[k - 2], columns[k - 1], axis=0) for k in range(3)]
-    return np.array(rows), np.asarray((rows[0] * columns[0]).sum(axis=0))
-
-
 def determinants(matrices: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Of many matrices, shape (d, d, ...), d = 2 or 3, by hand: shape (...)."""
     if len(matrices) == 2:

@@ -1,9 +1,7 @@
 """How much a body is deformed, compared with the range of linear elasticity.
 
-Linear elasticity uses sym(grad u) for the strain, while Green's strain is sym(grad u) + grad u^T grad u / 2: the
-relative size of the neglected part is that of grad u, strain and rotation.  It also measures the gap along the normal
-of the undeformed body: if a point moves the distance d along a normal that rotates by an angle, it meets the foundation
-off by d times this angle, as much as a body of size d is deformed by it.
+The relative size of what it neglects of Green's strain, grad u^T grad u / 2, is that of grad u, strain and rotation; so
+is that of a gap along the normal of the undeformed body, which rotates.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.mesh_entities import adjugates
+from signorini_fx.mechanics.assembly.mesh_entities import determinants
 from signorini_fx.mechanics.model import ElasticBody
 
 Array = npt.NDArray[np.float64]
@@ -48,9 +46,9 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
     cell = getattr(basix.CellType, body.space.mesh.topology.cell_name())
     at_middle = CellSlopes(displacement.function_space, basix.geometry(cell).mean(axis=0, keepdims=True))
     of_place, of_displacement = next(at_middle.along_reference(displacement))
-    adjugate, determinant = adjugates(of_place)
-    slopes, areas = np.einsum("ikc,kjc->ijc", of_displacement, adjugate) / determinant, np.abs(determinant)
-    squares = np.einsum("ijc,ijc->c", slopes, slopes)
+    jacobians, areas = of_place.transpose(2, 0, 1), np.abs(determinants(of_place))
+    slopes = of_displacement.transpose(2, 0, 1) @ np.linalg.inv(jacobians)
+    squares = np.einsum("cij,cij->c", slopes, slopes)
     of_cell = pieces.of_cell[: areas.size]
     total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
     gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())
