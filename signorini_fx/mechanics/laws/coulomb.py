@@ -57,17 +57,6 @@ class Coulomb(DirectedLaw):
     cap: Parameter | None = None
     cohesion: Parameter | None = None
 
-    def limit(self, pressure: Array) -> Array:
-        bound = (0.0 if self.cohesion is None else self.cohesion) + self.coefficient * pressure
-        bound = bound if self.cap is None else np.minimum(bound, self.cap)
-        return np.asarray(bound if self.cohesion is None else np.where(pressure == 0, 0.0, bound))
-
-    def derivative(self, pressure: Array) -> Array:
-        if self.cap is None:
-            return np.asarray(self.coefficient + 0.0 * pressure)
-        without = (0.0 if self.cohesion is None else self.cohesion) + self.coefficient * pressure
-        return np.where(without < self.cap, self.coefficient, 0.0)
-
     def envelope(self, zero: Array) -> Envelope:
         return Envelope(zero if self.cohesion is None else self.cohesion, self.coefficient, self.cap)
 

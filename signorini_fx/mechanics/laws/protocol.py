@@ -141,7 +141,7 @@ class FrictionLaw(Table):
     @property
     def directed(self) -> bool:
         """Whether it depends on the direction of slip: a ``DirectedLaw`` with a ratio."""
-        return False
+        return getattr(self, "ratio", None) is not None
 
 
 def acting(*values: Any) -> bool:

@@ -129,12 +129,8 @@ class Ogden(Hyperelastic):
         return self
 
     @property
-    def _terms(self) -> list[tuple[float, float]]:
-        return [*zip(self.mu, self.alpha, strict=True)]
-
-    @property
     def constants_at_rest(self) -> tuple[float, float]:
-        return sum(mu * alpha for mu, alpha in self._terms) / 2, self.bulk
+        return float(np.dot(self.mu, self.alpha)) / 2, self.bulk
 
     def dimension_problems(self, dimension: int) -> Contradictions:
         if dimension == 3:
@@ -146,7 +142,7 @@ class Ogden(Hyperelastic):
         mean, across = strain[0, 0] + strain[1, 1], 2 * strain[2, 2]
         apart = (strain[0, 0] - strain[1, 1]) ** 2 + 4 * strain[0, 1] ** 2
         energy = 0
-        for mu, alpha in self._terms:
+        for mu, alpha in zip(self.mu, self.alpha, strict=True):
             power, curved = alpha / 2, power_beyond_line(grown, -alpha / 3)
             of_mean, of_across = (power_beyond_line(part, power) for part in (mean, across))
             pair = 2 * (1 + power * mean + of_mean) * _beyond_mean(apart / (1 + mean) ** 2, power)

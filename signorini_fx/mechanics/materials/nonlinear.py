@@ -120,10 +120,6 @@ class NonlinearMaterial(Material):
         return self.at_rest.stress(strain)
 
     @property
-    def natural_modulus(self) -> float:
-        return self.at_rest.natural_modulus
-
-    @property
     def locks(self) -> bool:
         return self.at_rest.locks
 

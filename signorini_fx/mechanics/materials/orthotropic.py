@@ -53,7 +53,7 @@ class Axes(Table):
 
     def axes(self, x: Array) -> Array:
         """They are not finite where the vectors of the scene are not, are zero, or are parallel."""
-        first, second = _vectors(self.direction, 0, x), _vectors(self.second, 1, x)
+        first, second = _vectors(self.direction or (1.0,), x), _vectors(self.second or (0.0, 1.0), x)
         if self.direction is not None and len(self.direction) == 2:
             second = np.column_stack((-first[:, 1], first[:, 0], first[:, 2]))
         first = _unit(first)
@@ -75,11 +75,8 @@ class DirectedMaterial(Axes, Material):
         return self.grading is not None or self.turns
 
 
-def _vectors(components: tuple[object, ...] | None, axis: int, x: Array) -> Array:
+def _vectors(components: tuple[object, ...], x: Array) -> Array:
     vectors = np.zeros((x.shape[1], 3))
-    if components is None:
-        vectors[:, axis] = 1.0
-        return vectors
     for k, value in enumerate(components):
         vectors[:, k] = sample(value, x)
     return vectors

@@ -64,6 +64,7 @@ class Material(Effect):
             "reduced integration": f"{_FULL}: its mean stress does not follow from the change of volume",
         },
     }
+    key: ClassVar[str] = "material"
     # Whether the stress is a linear function of the strain, as it is said here; else see ``nonlinear``.
     linear: ClassVar[bool] = True
     # Whether it knows strains that are not small.
@@ -116,10 +117,6 @@ class Material(Effect):
         yield from ()
 
     # --- what follows ---
-
-    @property
-    def label(self) -> str:
-        return "material"
 
     @property
     def stiffness(self) -> Array:
