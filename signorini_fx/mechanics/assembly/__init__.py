@@ -1,7 +1,6 @@
 """From forms to arrays: facets, quadrature, nodal blocks, averages, and the pieces of a mesh.
 
-It knows meshes, finite element spaces and the weak forms of contact.  Facets and densities come to it as arguments: it
-must not know what stands where in a problem.
+Facets and densities come to it as arguments: it must not know what stands where in a problem.
 """
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
