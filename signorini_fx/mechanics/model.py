@@ -226,8 +226,7 @@ class ElasticBody:
 
     def relative_forces(self, displacement: Array, driven: Array) -> tuple[Array, Array]:
         """The forces of ``relative`` on all unknowns of this rank but a pressure, and those of its part at the contact
-        points on rigid bodies, shape (k,), of displacements of the nodes, shape (dofs,), and motions, shape (k,);
-        collective.
+        points on rigid bodies, of displacements of the nodes, shape (dofs,), and motions, shape (k,); collective.
         """
         assert self.boundary is not None
         assert self.relative is not None
@@ -361,18 +360,10 @@ class ElasticBody:
         choose: Callable[[Elasticity, SystemSize, str], tuple[ElasticSystem, str]] = choose_system,
         **options: Any,
     ) -> Task:
-        """Its contact problem, ready for ``strategy.solve_task`` or for a user-defined algorithm.
-
-        Args:
-            cases: loads and prescribed displacements.
-            factors: of each of them to begin with.
-            data: gap and bilateral contact at the contact points; None: there are none.
-            law: of friction; None: there is none.
-            coarser: coarser meshes for multigrid.
-            allowed: the regularisation error allowed for path-following at a displacement, in the energy norm; None:
-                that of the settings, relative to the energy norm of the displacement, without a pressure.
-            choose: the elastic system, and the reason for its kind.
-            options: see ``Task``.
+        """Its contact problem, ready for ``strategy.solve_task`` or an algorithm of one's own, with the first
+        ``factors`` of the cases; ``allowed``: the regularisation error allowed for path-following at a displacement, in
+        the energy norm, None: that of the settings; ``choose``: the elastic system and the reason for its kind;
+        ``options``: see ``Task``.
         """
         system, reason = choose(self.elasticity(cases, coarser), self.system_size(), self.settings.linear_algebra)
         system.set_load(factors)
@@ -511,11 +502,7 @@ class Model(ElasticBody):
         return [(load.factor(step), load.at(step)) for load in self.applied]
 
     def first_sets(self) -> tuple[ActiveSets, int]:
-        """The sets of the first linear solve and its number, section 7: 0 if it only computes the start; collective.
-
-        Raises:
-            SceneError: the settings leave no contact node in them.
-        """
+        """The sets of the first linear solve and its number, section 7: 0 if it only computes the start; collective."""
         assert self.boundary is not None
         region, full_contact = (
             self.settings.initial_contact,
@@ -537,10 +524,8 @@ class Model(ElasticBody):
         return self.case(load.forces, load.prescribed, load.driven, load.pushing, load.pressure_load)
 
     def load(self, system: ElasticSystem, step: float) -> Array:
-        """Give a system the loads that depend on the time as they are at a place; collective.
-
-        Returns:
-            The factors of all loads, for ``system.set_load``.
+        """Give a system the loads that depend on the time as they are at a place, and return the factors of all loads,
+        for ``system.set_load``; collective.
         """
         for number, load in enumerate(self.applied):
             if load.again is not None:
@@ -565,10 +550,9 @@ def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:
 
 
 def sum_of(forms: Sequence[fem.Form], bcs: Sequence[fem.DirichletBC]) -> PETSc.Mat:
-    """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective.
-
-    On one rank dolfinx's matrix takes half the time of PETSc's.  Its entries are copied: petsc4py never gives back the
-    arrays of a matrix to which PETSc adds one with other entries.
+    """The matrix of a sum of bilinear forms, without the rows and columns of ``bcs``; collective.  On one rank
+    dolfinx's matrix takes half the time of PETSc's; its entries are copied: petsc4py never gives back the arrays of a
+    matrix to which PETSc adds one with other entries.
     """
     if forms[0].mesh.comm.size == 1:
         entries = fem.create_matrix(forms[0], la.BlockMode.expanded)

@@ -1,11 +1,7 @@
 """What lengths, stresses, stiffnesses and energies of a body are compared with: every formula of dimension is here.
 
-In 3D a force is a stress times an area, in 2D, per thickness, a stress times a length.  So the power of a
-length in a scale depends on the dimension d, and a formula that is right for d = 2 is easily wrong for d = 3.
-
-The solver and the certificate share these formulas, and nothing else: each of them evaluates them with its own data.
-``tests/scenes/test_units.py`` checks the formulas themselves, since no result may depend on the units of length and
-force.
+In 3D a force is a stress times an area, in 2D, per thickness, a stress times a length: the power of a length depends on
+the dimension d.  ``tests/scenes/test_units.py`` checks the formulas.
 """
 
 from __future__ import annotations

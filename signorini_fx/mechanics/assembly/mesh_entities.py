@@ -26,10 +26,8 @@ _ATTRIBUTE = "_signorini_fx_node_positions"
 
 
 def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
-    """X of the nodes of this rank, ghosts included: length, shape (nodes, 3), read-only.
-
-    dolfinx passes over all cells at every call, and a solve with its certificate needs the positions at six places.
-    They are kept with the space, which cannot be hashed, so that they live as long as it does.
+    """X of the nodes of this rank, ghosts included: length, shape (nodes, 3), read-only; kept with the space, as
+    dolfinx passes over all cells at every call.
     """
     positions: npt.NDArray[np.float64] | None = getattr(space, _ATTRIBUTE, None)
     if positions is None:
@@ -40,11 +38,7 @@ def node_positions(space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
 
 
 def compile_form(term: Any) -> Any:
-    """A form, compiled; collective.
-
-    Raises:
-        MachineError: it cannot be compiled.
-    """
+    """A form, compiled, or a ``MachineError``; collective."""
     with compiling():
         return fem.form(term)
 
@@ -111,10 +105,8 @@ def assemble(form: fem.Form) -> npt.NDArray[np.float64]:
 def action(
     elastic: tuple[fem.Form, ...], function: fem.Function, blocks: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float64]:
-    """a(function, .) with the values at the nodes ``blocks`` only, shape (owned dofs,): the lifting of a displacement
-    prescribed there.
-
-    dolfinx lifts prescribed values by assembling the same form cell by cell, so that no further form is compiled.
+    """a(function, .) with the values at the nodes ``blocks`` only, shape (owned dofs,): dolfinx lifts prescribed values
+    by assembling the same form cell by cell, so that no further form is compiled.
     """
     result = fem.Function(function.function_space)
     for form in elastic:
@@ -125,9 +117,8 @@ def action(
 def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
     """The owned entries of a vector, to which the other ranks add theirs; collective.
 
-    No vector of PETSc is made of it: its communicator would be that of the index map, and PETSc duplicates it for the
-    first of its objects and frees it with the last one.  dolfinx destroys such vectors when Python's garbage collector
-    finds them, at another time on each rank: one rank would wait for ever in a duplication that the others do not need.
+    No vector of PETSc is made of it: dolfinx destroys such vectors when the garbage collector finds them, at another
+    time on each rank, and one rank would wait in the duplication of a communicator that the others do not need.
     """
     vector.scatter_reverse(la.InsertMode.add)
     return np.array(vector.array[: vector.index_map.size_local * vector.block_size])
@@ -143,10 +134,8 @@ def determinants(matrices: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
-    """Make a method a property whose value is computed once and kept in the dictionary ``holder`` of its object.
-
-    ``dataclasses.replace`` passes the dictionary on, so that a copy with the same data computes nothing again; one with
-    other data is given an empty dictionary.
+    """Make a method a property whose value is computed once and kept in the dictionary ``holder`` of its object, which
+    ``dataclasses.replace`` passes on; a copy with other data is given an empty one.
     """
 
     def kept(compute: Callable[[Any], Any]) -> Any:
@@ -163,11 +152,9 @@ def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
 
 
 def strain_degree(space: fem.FunctionSpace, kinematics: Kinematics = SPACE) -> int:
-    """Quadrature degree of a(., .) for displacements in ``space``; collective.
-
-    The degree of epsilon(y) : epsilon(z) times the Jacobian's determinant on simplices and along each axis of
-    parallelepipeds; on other quadrilaterals and hexahedra, where the integrand is rational, that of the products of all
-    polynomials in it.  UFL estimates the same on these in 2D.
+    """Quadrature degree of a(., .) for displacements in ``space``: that of epsilon(y) : epsilon(z) times the Jacobian's
+    determinant on simplices and along each axis of parallelepipeds; on other quadrilaterals and hexahedra, where the
+    integrand is rational, that of the products of all polynomials in it, as UFL estimates in 2D; collective.
     """
     mesh, degree, further = space.mesh, space.element.basix_element.degree, kinematics.further_degrees
     cell, geometry = mesh.topology.cell_name(), compat.geometry_degree(mesh)
@@ -192,10 +179,8 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
 def nodal_rule(degree: int, geometry: int = 1, dimension: int = 2) -> dict[str, Any]:
     """Quadrature metadata of the unit contact form, which gives the weights of the nodes of a Lagrange element.
 
-    In 2D the points of the rule are the nodes.  Degree 1: the vertex (trapezoidal) rule; degree 2:
-    Gauss-Lobatto-Legendre (Simpson's rule).  All weights are positive, and those of the integrals of the basis
-    functions.  On a surface the integrals of the basis functions stand for themselves, exactly: the vertex rule has
-    them on triangles, but not on quadrilaterals that are no parallelograms.
+    In 2D the points are the nodes (trapezoidal and Simpson's rule), and all weights are positive.  On a surface the
+    integrals of the basis functions are exact: the vertex rule has them on triangles, not on all quadrilaterals.
     """
     if dimension == 3:
         return {"quadrature_degree": lumped_degree(degree, geometry)}

@@ -111,9 +111,8 @@ class NodalStiffness:
 def block_stiffness(
     forms: Sequence[fem.Form], fixed: npt.NDArray[np.bool_], beside: NodalStiffness | None = None
 ) -> PETSc.Mat:
-    """The matrix of a sum of bilinear forms of a vector Lagrange space by blocks; rows and columns of ``fixed``
-    unknowns of this rank are left out, and have the largest entry of the diagonal; ``beside``: what is added;
-    collective.
+    """The matrix of a sum of bilinear forms of a vector Lagrange space by blocks, with what is ``beside``; rows and
+    columns of ``fixed`` unknowns of this rank are left out, and have the largest entry of the diagonal; collective.
     """
     from signorini_fx.algebra.linalg import kernels
 

@@ -40,11 +40,8 @@ class NodalValues:
         return np.flatnonzero(np.isin(self._space.dofmap.list, self.nodes).any(axis=1)).astype(np.int32)
 
     def __call__(self, value: Any, name: str, components: int = 1, minimum: float = -np.inf) -> Array:
-        """The values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes, d); nan where no facet is;
-        ``name``: of the argument, for errors; collective.
-
-        Raises:
-            FormError: the value cannot be evaluated, or is not finite or too small somewhere.
+        """The values at all nodes of this rank, ghosts included, shape (nodes,) or (nodes, d), nan where no facet is,
+        or a ``FormError`` about the argument ``name``; collective.
         """
         comm, error = self._space.mesh.comm, None
         x = node_positions(self._space)

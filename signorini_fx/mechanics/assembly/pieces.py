@@ -78,11 +78,8 @@ def extent(bounds: npt.ArrayLike) -> str:
 
 
 def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
-    """The connected pieces of a body, in the order of their smallest coordinates, which a mesh is asked for once;
-    collective.
-
-    Raises:
-        MeshError: there are more than ``MOST_PIECES``, or two share a vertex.
+    """The connected pieces of a body, in the order of their smallest coordinates; a ``MeshError`` where there are more
+    than ``MOST_PIECES``, or two share a vertex; collective.
     """
     if mesh not in _known:
         _known[mesh] = _pieces_of(mesh)

@@ -48,11 +48,7 @@ def at_rest(statement: Statement) -> Statement:
 
 
 def volume_degree(statement: Statement, tagged: TaggedMesh) -> int | None:
-    """Quadrature degree of the part of the volume; None: it is not reduced.
-
-    Raises:
-        SceneError: the cells have no reduced form.
-    """
+    """Quadrature degree of the part of the volume; None: it is not reduced; a ``SceneError`` where it cannot be."""
     if not all(material.splits for material in statement.material):
         return None
     return reduced_degree(at_rest(statement), tagged.mesh)
@@ -136,11 +132,7 @@ class BodyResidual:
 
 
 def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> BodyResidual:
-    """That of the materials of a statement at the displacement ``u``; collective.
-
-    Raises:
-        SceneError: the cells have no reduced form.
-    """
+    """That of the materials of a statement at the displacement ``u``; errors: see ``volume_degree``; collective."""
     space = u.function_space
     kinematics = statement.kinematics_in(tagged.dimension)
     full = max(1, strain_degree(space, kinematics))

@@ -417,11 +417,7 @@ class PointValues:
     file: Path
 
     def __call__(self, x: Array) -> Array:
-        """Values at points of shape (3, n), shape (n,).
-
-        Raises:
-            SceneError: the file cannot be read, or a point is outside of the hull of those of the file.
-        """
+        """Values at points of shape (3, n), shape (n,); a ``SceneError`` outside of the hull of those of the file."""
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         middle, function = _read_table(self.file, changed)
         at = x[: middle.size].T

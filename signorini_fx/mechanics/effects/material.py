@@ -57,12 +57,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Material]:
 
 
 def read_material(entry: Any) -> Any:
-    """A material from a table; itself if it is one.
-
-    Raises:
-        InstallationError: that of another package is none.
-        ValueError: there is no such material, or its keys are wrong.
-    """
+    """A material from a table; itself if it is one."""
     if isinstance(entry, Material):
         return entry
     return TypeAdapter(_class_of(entry) if isinstance(entry, Mapping) else LinearElastic).validate_python(entry)

@@ -78,12 +78,8 @@ class ElementStress:
 
 
 def embedding(rotation: PETSc.Mat | None, own: PETSc.Mat, whole: PETSc.Mat) -> PETSc.Mat:
-    """[Q 0], from all unknowns to displacements.
-
-    Args:
-        rotation: Q, from the unknowns of ``own``; None: the identity.
-        own: a matrix of these.
-        whole: the matrix of all unknowns, on each rank those of ``own`` first.
+    """[Q 0], from the unknowns of ``whole``, on each rank those of ``own`` first, to displacements; ``rotation``: Q,
+    from the unknowns of ``own``, None: the identity.
     """
     rows, first = own.getSizes()[0], own.getOwnershipRange()[0]
     if rotation is None:
@@ -267,10 +263,8 @@ def cellwise_stress(
     y: fem.Function, kinematics: Kinematics, sigma: Any, moduli: _Floats, shear_modulus: Any
 ) -> ElementStress:
     """That of a stress in 3D with moduli which are constant in each cell: components of the stress, see
-    ``Kinematics.pairs``, over those of the strain, of shear twice epsilon_ij, shape (cells, m, m); collective.
-
-    Raises:
-        numpy.linalg.LinAlgError: some strain has no stress, on all ranks.
+    ``Kinematics.pairs``, over those of the strain, of shear twice epsilon_ij, shape (cells, m, m); a LinAlgError on all
+    ranks where some strain has no stress; collective.
     """
     mesh, dim, m = y.function_space.mesh, y.function_space.mesh.geometry.dim, moduli.shape[2]
     inverse, error = moduli, None

@@ -258,9 +258,6 @@ class MixedLaw(SceneLaw):
     ) -> tuple[PETSc.Mat, PETSc.Mat | None, PETSc.Mat | None]:
         """K, from A without prescribed rows and columns, and what turns its unknowns into displacements, with and
         without rigid bodies, of which there are none; ``rotation``: from those of A, None: they are the same.
-
-        Raises:
-            InstallationError: PETSc has no MUMPS.
         """
         if not has_package("mumps"):
             raise needs_fenicsx("PETSc has no MUMPS, which a mixed element needs: its matrix is indefinite")

@@ -25,11 +25,7 @@ from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER, ZERO_IN_SOLUTION
 
 
 def check_covers(statement: Statement, tagged: TaggedMesh) -> None:
-    """Whether each cell has one material; collective.
-
-    Raises:
-        SceneError: a cell is in no region that has a material, or in several.
-    """
+    """Refuse cells in no region that has a material, or in several; collective."""
     regions = [material.region for material in statement.material]
     if None in regions:  # all of the body
         return
@@ -52,9 +48,6 @@ def of_materials(
 ) -> tuple[Any, ...]:
     """Numbers of the materials: constants of one material, cell-wise functions of several and of graded ones;
     ``numbers`` gives them from a material and the values of its grading in its cells; collective.
-
-    Raises:
-        SceneError: a grading is not between 0 and 1.
     """
     mesh, share, of_first = tagged.mesh, graded(statement, tagged), numbers(statement.material[0], 1.0)
     if len(statement.material) == 1 and share is None:
@@ -88,11 +81,7 @@ def middles(tagged: TaggedMesh, cells: npt.NDArray[np.int32]) -> npt.NDArray[np.
 
 
 def graded(statement: Statement, tagged: TaggedMesh) -> fem.Function | None:
-    """By what moduli are multiplied in each cell; None: by nothing; collective.
-
-    Raises:
-        SceneError: it is not between 0 and 1.
-    """
+    """By what moduli are multiplied in each cell, which must be between 0 and 1; None: by nothing; collective."""
     problems, mesh = [], tagged.mesh
     if all(material.grading is None for material in statement.material):
         return None
@@ -139,10 +128,8 @@ class CellwiseStiffness:
 
 
 def cellwise_stiffness(statement: Statement, tagged: TaggedMesh) -> CellwiseStiffness | None:
-    """That of a scene; None: all of its materials are isotropic; collective.
-
-    Raises:
-        SceneError: the axes have no direction in some cell; or a plane body would not stay plane.
+    """That of a scene, whose axes must have directions, and a plane body must stay plane; None: all of its materials
+    are isotropic; collective.
     """
     if all(material.isotropic for material in statement.material):
         return None

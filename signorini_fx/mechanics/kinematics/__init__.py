@@ -38,11 +38,7 @@ def hypotheses() -> tuple[str, ...]:
 
 
 def of_hypothesis(name: str) -> Kinematics:
-    """The kinematics of a name in ``hypotheses``.
-
-    Raises:
-        InstallationError: there are none, or those of another package cannot be used.
-    """
+    """The kinematics of a name in ``hypotheses``; an ``InstallationError`` where their package is missing."""
     if name in HYPOTHESES:
         return HYPOTHESES[name]
     if name not in names_of(KINEMATICS):

@@ -69,11 +69,8 @@ class FrictionAxes:
         return np.stack((np.ones_like(self.ratio), self.ratio), axis=1)[:, None]
 
     def check(self, normal: Array, movable: Callable[[], Array], path: str, comm: Any) -> None:
-        """Whether the axes have a direction at the points of one foundation, and supports are along them; ``movable``:
-        see ``ContactPoints``, along these axes; ``path``: of the law, for errors; collective.
-
-        Raises:
-            FormError: they have none somewhere, or supports are not along them.
+        """Refuse axes without a direction at points of one foundation, and supports that are not along them;
+        ``movable``: see ``ContactPoints``, along these axes; ``path``: of the law, for errors; collective.
         """
         from signorini_fx.machine import parallel
 
@@ -122,9 +119,6 @@ class DirectedLaw(FrictionLaw):
     def axes(self, at: Any, path: str, dimension: int, comm: Any) -> FrictionAxes | None:
         """The axes of friction at nodes; None: it has no direction; ``at``: evaluates data at nodes, see
         ``assembly.nodal_values.NodalValues``; ``path``: of the law, for errors; collective.
-
-        Raises:
-            FormError: a value is wrong somewhere.
         """
         from signorini_fx.machine import parallel
 

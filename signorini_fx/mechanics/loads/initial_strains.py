@@ -65,11 +65,7 @@ class Jump:
 
 
 def jump_at(path: str, effect: Preload, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> Jump:
-    """The jump that an entry of a scene prescribes; ``path``: of the entry; collective.
-
-    Raises:
-        SceneError: there is no such section, or it does not cut the body.
-    """
+    """The jump that an entry of a scene, with this path, prescribes on a section that cuts the body; collective."""
     mesh, dim = tagged.mesh, tagged.dimension
     of_cells, corners = space.dofmap.list, compat.geometry_cells(mesh)
     middle = mesh.geometry.x[corners, :dim].mean(axis=1)
@@ -145,10 +141,7 @@ def jump_loads(
     jumps: Sequence[Jump], space: fem.FunctionSpace, elastic: SceneLaw, held: Callable[[Jump], bool]
 ) -> list[AppliedLoad]:
     """-a(J, .) of each jump J, times its amount, and -(div J, .) where the pressure is an unknown; ``held``: whether
-    something on this rank holds nodes of a jump along its axis, see ``holds``; collective.
-
-    Raises:
-        SceneError: contact or supports hold its nodes.
+    contact or supports hold nodes of a jump on this rank along its axis, which is refused; collective.
     """
     z, loads = ufl.TestFunction(space), []
     for jump in jumps:

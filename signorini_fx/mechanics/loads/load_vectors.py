@@ -115,11 +115,7 @@ class FormCoefficients:
 
     @cached_property
     def elastic(self) -> SceneLaw:
-        """The elastic law, with coefficients of its own; collective.
-
-        Raises:
-            SceneError: with all that the mesh reveals of the materials.
-        """
+        """The elastic law, with coefficients of its own, or all errors that the mesh reveals of them; collective."""
         of = self.statement, self.tagged, self.space
         lame, stiffness, reduced, _ = together(
             partial(lame_coefficients, self.statement, self.tagged),
@@ -157,11 +153,7 @@ class FormCoefficients:
         return self.statement.kinematics_in(self.tagged.dimension)
 
     def total(self, effect: Any) -> Any:
-        """The integral of ``effect.spread`` over the boundary of the effect; collective.
-
-        Raises:
-            SceneError: it is zero.
-        """
+        """The integral of ``effect.spread`` over the boundary of the effect, which must not be zero; collective."""
         boundary, spread, mesh = str(effect.where), effect.spread, self.space.mesh
         if (boundary, spread) not in self._totals:
             form = _compiled([effect], lambda effect: self.value(effect.spread), self)
@@ -359,11 +351,7 @@ def _compiled(effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormC
 
 
 def check_finite(comm: MPI.Comm, loads: list[AppliedLoad]) -> None:
-    """Whether all loads and prescribed displacements are finite, with finite squares; collective.
-
-    Raises:
-        SceneError: an expression is not.
-    """
+    """Refuse loads and prescribed displacements that are not finite, or whose squares are not; collective."""
     problems = []
     where = f"an expression is not finite, or larger than {LARGEST_NUMBER:g}, somewhere on its boundary"
     acting = [load.forces if load.pressure_load is None else load.pressure_load for load in loads]

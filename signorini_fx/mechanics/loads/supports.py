@@ -230,10 +230,7 @@ def check_overlap(
 
 def node_at(space: fem.FunctionSpace, effect: Any, path: str, tagged: TaggedMesh) -> npt.NDArray[np.int64]:
     """The node of this rank at the point ``at`` of an effect, of its region if it names one, ghosts included, shape
-    (1,) or (0,); ``path``: for errors; collective.
-
-    Raises:
-        SceneError: there is none on any rank, or there are several.
+    (1,) or (0,); there must be one on all ranks together; ``path``: for errors; collective.
     """
     point, x = np.array(effect.at), node_positions(space)[:, : tagged.dimension]
     away = np.linalg.norm(x - point, axis=1)

@@ -21,11 +21,7 @@ _ROTATION = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 
 
 def check_materials(materials: Iterable[Any]) -> None:
-    """Refuse materials that are not what they say.
-
-    Raises:
-        SceneError: there are some.
-    """
+    """Refuse materials that are not what they say."""
     problems = [
         (f"material[{number}]", fault)
         for number, material in enumerate(materials)
