@@ -70,10 +70,9 @@ class StepEnd:
         """Begin the iterate of a contact problem that was made anew, with the same points, with the displacement with
         which this step has ended; collective.
         """
-        counted = self.before.displacement.copy()
+        unknowns = body.unknowns(self.before.displacement)
         if task.rest is not None:
-            counted.x.array[:] -= body.motions.displacement(task.rest.motion).ravel()
-        unknowns = body.unknowns(counted)
+            unknowns.axpy(-1.0, body.vector(body.motions.displacement(task.rest.motion)))
         if rigid.bodies:
             body.begin_driven(unknowns, rigid.unknowns(self.before.rigid), task.rest)
         task.newton.begin_at(task.system.unknowns(unknowns))

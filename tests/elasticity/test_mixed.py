@@ -404,3 +404,24 @@ def test_refused(name):
     changes, message = REFUSED[name]
     with pytest.raises(SceneError, match=message):
         parse_scene({**BASE, **changes})
+
+
+def test_a_foundation_that_moves_in_load_steps():
+    """The last of two load steps has the displacement and the pressure of its gap alone."""
+    scene = {
+        **BASE,
+        "material": {"young": 1.0, "poisson": 0.5},
+        "displacement": {"boundary": "top", "x": 0.0, "y": 0.0},
+        "traction": {"boundary": "right", "x": 0.01},
+    }
+    moved, alone_in_place = (
+        solve(parse_scene({**scene, "contact": {"boundary": "bottom", "gap": gap}, **steps}))
+        for gap, steps in (("-0.01 * t", {"load_steps": {"times": [1.0, 2.0]}}), (-0.02, {}))
+    )
+    assert moved.converged
+    for one, other in zip(
+        (moved.displacement, moved.displacement.hydrostatic),
+        (alone_in_place.displacement, alone_in_place.displacement.hydrostatic),
+        strict=True,
+    ):
+        np.testing.assert_allclose(one.x.array, other.x.array, atol=1e-12)
