@@ -401,11 +401,11 @@ class ElasticBody:
             function.x.array[:] += self.motions.displacement(resting.motion).ravel()
         return function
 
-    def function(self, x: PETSc.Vec, name: str = "displacement") -> fem.Function:
+    def function(self, x: PETSc.Vec) -> fem.Function:
         """The finite element function with the unknowns ``x``."""
-        function = fem.Function(self.space, name=name)
+        function = fem.Function(self.space, name="displacement")
         if self.mixed is not None:
-            function = self.mixed.displacement(x.getArray(readonly=True)[self._held.size :], name)
+            function = self.mixed.displacement(x.getArray(readonly=True)[self._held.size :])
         if self.rotation is not None:
             y = self.rotation.createVecLeft()
             self.rotation.mult(x, y)
@@ -504,10 +504,8 @@ class Model(ElasticBody):
     def first_sets(self) -> tuple[ActiveSets, int]:
         """The sets of the first linear solve and its number, section 7: 0 if it only computes the start; collective."""
         assert self.boundary is not None
-        region, full_contact = (
-            self.settings.initial_contact,
-            ActiveSets.all_in_contact(*self.boundary.tangents.shape[::2]),
-        )
+        region = self.settings.initial_contact
+        full_contact = ActiveSets.all_in_contact(*self.boundary.tangents.shape[::2])
         if isinstance(region, str):
             return full_contact, 0
         inside = sample(region, in_space(self.boundary.x)) > 0

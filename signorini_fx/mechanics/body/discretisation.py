@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -103,6 +103,8 @@ def _prepared(
         resistance = compile_resistance(acting, on, ufl.TrialFunction(space), ufl.TestFunction(space))
         loaded = _loaded(on, facets)
     resists = () if resistance is None else (resistance,)
+    # Mean ratios of Poisson follow from moduli, with round-off; in plane stress those of plane strain count.
+    most, lame = LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER), [material.lame for material in statement.material]
     model = Model(
         space=space,
         terms=lambda: (*on.elastic.compiled(space), *resists),
@@ -111,9 +113,7 @@ def _prepared(
         boundary=None,
         settings=statement.solver,
         kinematics=kinematics,
-        # Ratios follow from moduli, with round-off.
-        compressible=max(material.mean_poisson for material in statement.material)
-        <= LARGEST_MULTIGRID_POISSON * (1 + SAME_NUMBER),
+        compressible=all((1 - 2 * most) * first <= 2 * most * second for first, second in lame),
         elastic=on.elastic,
         statement=statement,
         tagged=tagged,
@@ -122,34 +122,29 @@ def _prepared(
         rigid=RigidBodies(statement.rigid_bodies, kinematics, tagged.size),
         **loaded,
     )
-    applied, foundations = [*model.applied], _foundations(statement, space, facets)
-    boundary: ContactBoundary | None = None
+    applied = [*model.applied]
     with timings.phase("assemble"):
-        shapes = foundations.shapes()
-        if statement.contact:
-            boundary = _boundary(model, foundations, shapes)
-            applied += [driving_load(model.rigid, k, statement, space) for k in range(len(model.rigid.bodies))]
+        contact = contact_of(model, statement) if statement.contact else {}
+        boundary: ContactBoundary | None = contact.get("boundary")
+        applied += [driving_load(model.rigid, k, statement, space) for k in range(len(model.rigid.bodies))]
         if jumps := jumps_in(statement, tagged, space):
-            bonded = [k for k, contact in enumerate(statement.contact) if contact.bonded]
+            bonded = [k for k, effect in enumerate(statement.contact) if effect.bonded]
             held = partial(holds, fixed=model.fixed, turned=model.turned, boundary=boundary, bonded=bonded)
             applied += jump_loads(jumps, space, on.elastic, held)
     together(
         partial(check_finite, tagged.mesh.comm, applied),
         lambda: None if boundary is None else check_overlap(statement, boundary, facets, tagged),
     )
-    model = replace(model, applied=tuple(applied))
-    if boundary is None:
-        return model
     for step in range(1, statement.steps if any(effect.friction.timed for effect in statement.contact) else 1):
         # Errors are found before the first step.
-        _foundations(statement.placed(step), space, facets).friction()
-    return replace(model, boundary=boundary, pairs=foundations.pairs, **_problem(model, foundations, shapes, boundary))
+        _foundations(model, statement.placed(step)).friction()
+    return replace(model, applied=tuple(applied), **contact)
 
 
 def _loaded(on: FormCoefficients, facets: dict[str, npt.NDArray[np.int32]]) -> dict[str, Any]:
     """The fields of a model that follow from supports and loads; collective."""
     supports, test = Supports.of(on.statement, on.space, facets, on.tagged), ufl.TestFunction(on.space)
-    groups = load_groups(on.statement).items()
+    groups = load_groups(on.statement, on.statement.loads).items()
     return {
         "bcs": [support for _, support in supports.conditions],
         "turned": supports.turned,
@@ -158,12 +153,6 @@ def _loaded(on: FormCoefficients, facets: dict[str, npt.NDArray[np.int32]]) -> d
         "coefficients": on,
         "applied": tuple(applied_load(group, loads, on, test, supports.at) for group, loads in groups),
     }
-
-
-def _boundary(model: Model, foundations: Foundations, shapes: Sequence[ShapeDistances]) -> ContactBoundary:
-    """The contact points of foundations with the supports of a model."""
-    rests = at_rest(model.space, model.supports, model.turned, model.fixed)
-    return model.rigid.on(foundations.boundary(shapes, model.fixed, model.turned, rests))
 
 
 def _problem(
@@ -210,33 +199,30 @@ def _with_supports(model: M, statement: Statement) -> M:
     """The same body with other supports, and contact as another statement has it; collective."""
     assert model.coefficients is not None
     loaded = _loaded(replace(model.coefficients, statement=statement), boundary_facets(statement, model.tagged))
-    further = model.applied[len(load_groups(model.statement)) :]
+    further = model.applied[len(load_groups(model.statement, model.statement.loads)) :]
     changed = replace(model, statement=statement, **loaded | {"applied": (*loaded["applied"], *further)}, of_body={})
     return replace(changed, **contact_of(changed, statement))
 
 
 def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
     """The fields of a model that follow from the contact of another statement, with the same supports; collective."""
-    foundations = _foundations_on(model, statement)
+    foundations, rests = _foundations(model, statement), at_rest(model.space, model.supports, model.turned, model.fixed)
     shapes = foundations.shapes()
-    boundary = _boundary(model, foundations, shapes)
-    return {
-        "boundary": boundary,
-        "pairs": foundations.pairs,
-        **_problem(replace(model, statement=statement), foundations, shapes, boundary),
-    }
+    boundary = model.rigid.on(foundations.boundary(shapes, model.fixed, model.turned, rests))
+    problem = _problem(replace(model, statement=statement), foundations, shapes, boundary)
+    return {"boundary": boundary, "pairs": foundations.pairs, **problem}
 
 
 def law_of(model: Model, statement: Statement) -> PointFriction | None:
     """``law`` of another statement that differs in its friction only; collective."""
     assert model.boundary is not None
-    return _foundations_on(model, statement).law(model.boundary, model.scales.modulus)
+    return _foundations(model, statement).law(model.boundary, model.scales.modulus)
 
 
 def with_gap_and_friction(model: M, statement: Statement) -> M:
     """The same contact points with gap and friction, without axes, of another statement; collective."""
     assert model.boundary is not None
-    foundations, changed = _foundations_on(model, statement), replace(model, statement=statement)
+    foundations, changed = _foundations(model, statement), replace(model, statement=statement)
     return replace(changed, **_problem(changed, foundations, foundations.shapes(), model.boundary))
 
 
@@ -252,20 +238,15 @@ def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
     return moved
 
 
-def _foundations_on(model: Model, statement: Statement) -> Foundations:
-    return _foundations(statement, model.space, boundary_facets(statement, model.tagged))
-
-
-def _foundations(
-    statement: Statement, space: fem.FunctionSpace, facets: Mapping[str, npt.NDArray[np.int32]]
-) -> Foundations:
-    """The contact of a scene, from the facets of all boundaries."""
+def _foundations(model: Model, statement: Statement) -> Foundations:
+    """The contact of a statement."""
+    facets = boundary_facets(statement, model.tagged)
     on = [facets[effect.boundary] for effect in statement.contact]
     masters = {
         number: facets[effect.against] for number, effect in enumerate(statement.contact) if effect.against is not None
     }
     names = [f"contact {effect.boundary}" for effect in statement.contact]
-    return Foundations(space, foundations_of(statement, on, masters), on, names, masters)
+    return Foundations(model.space, foundations_of(statement, on, masters), on, names, masters)
 
 
 def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.NDArray[np.int32]]:

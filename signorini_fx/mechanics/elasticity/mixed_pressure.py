@@ -1,18 +1,13 @@
 """The pressure of a mixed element: a field of degree 1, whose unknowns follow those of the displacement.
 
-It is continuous within each material, and jumps between them.  With several materials it has one component for each,
-which counts in the cells of this material alone; those of nodes elsewhere are zero.
-
-With the forms of ``MixedLaw`` the unknowns (y, p) of the body have
+It is continuous within each material: of several it has one component for each, which counts in the cells of this
+material alone.  The unknowns (y, p) of the body have
 
     K = [A B^T; B -C],   b = [f; -B y_D - s],
 
-with C = 0 for nu = 1/2, the prescribed displacements y_D, and the work s of initial strains.  K is symmetric and
-indefinite.  Contact acts on the displacement alone, and what is left of K on its unknowns once all others are
-eliminated is positive semi-definite.
-
-The unknowns of the pressure are multiples of Young's modulus over the spacing of the nodes.  So the three blocks have
-entries of one size in any units, which a factorisation that does not scale needs.
+symmetric and indefinite, with C = 0 for nu = 1/2, the prescribed displacements y_D, and the work s of initial strains.
+The unknowns of the pressure are multiples of Young's modulus over the spacing of the nodes, so that the blocks have
+entries of one size, which a factorisation that does not scale needs.
 """
 
 from __future__ import annotations
@@ -35,7 +30,7 @@ from signorini_fx.errors import needs_fenicsx
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form
 from signorini_fx.mechanics.assembly.pieces import find_pieces
-from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, embedding
+from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, SceneLaw, compliance, embedding, fields_of
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.tuned import NOTHING_LEFT
@@ -52,20 +47,9 @@ class MixedDisplacement(fem.Function):
             ``MixedLaw.strain_terms``.
     """
 
-    def __init__(self, space: fem.FunctionSpace, hydrostatic: fem.Function, name: str = "displacement") -> None:
-        super().__init__(space, name=name)
+    def __init__(self, space: fem.FunctionSpace, hydrostatic: fem.Function) -> None:
+        super().__init__(space, name="displacement")
         self.hydrostatic = hydrostatic
-
-
-def hydrostatic_of(displacement: fem.Function) -> fem.Function:
-    """The pressure of a displacement.
-
-    Raises:
-        ValueError: it has none, such as a copy of one that has.
-    """
-    if not isinstance(displacement, MixedDisplacement):
-        raise ValueError("this displacement is without the pressure that belongs to it: take that of the solution")
-    return displacement.hydrostatic
 
 
 @dataclass(frozen=True)
@@ -160,14 +144,12 @@ class MixedLaw(SceneLaw):
         return [(2 * self.lame[1] * strain, None)]
 
     def _constraint(self, y: Any, p: Any) -> tuple[Any, ...]:
-        """B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in multiples of a unit; A is
-        in ``terms``.
+        """B and -C of a displacement and unknowns of the pressure p = -lambda tr(epsilon), in multiples of a unit.
 
             2 mu (epsilon(y), epsilon(z)) - (p, div z),    -(div y, q) - (p, q) / lambda
 
-        (L. R. Herrmann, AIAA J. 3 (1965) 1896-1900).  With a continuous pressure of one degree less than the
-        displacement it is the element of C. Taylor and P. Hood, Comput. Fluids 1 (1973) 73-100, which is stable for
-        nu = 1/2 too.
+        (L. R. Herrmann, AIAA J. 3 (1965) 1896-1900), with the element of C. Taylor and P. Hood, Comput. Fluids 1 (1973)
+        73-100, which is stable for nu = 1/2 too.
         """
         p, q = self._pressure(p), self._pressure(ufl.TestFunction(self.own))
         unit = fem.Constant(self.space.mesh, default_scalar_type(self.unit))
@@ -195,7 +177,7 @@ class MixedLaw(SceneLaw):
         return super().assembled(of_displacement, owned)[0], assemble(of_pressure)
 
     def force_terms(self, y: fem.Function, z: Any, moved: Any = None) -> tuple[Any, ...]:
-        pressed = self._integral(-hydrostatic_of(y) * ufl.tr(self.kinematics.strain(z)), self.degree)
+        pressed = self._integral(-fields_of(y)[1] * ufl.tr(self.kinematics.strain(z)), self.degree)
         return *super().force_terms(y, z, moved), pressed
 
     def initial_terms(self, z: Any, jump: Any, strain: Any, degree: int) -> list[Any]:
@@ -203,7 +185,7 @@ class MixedLaw(SceneLaw):
         return super().initial_terms(z, jump, None, degree)
 
     def prevented_terms(self, y: fem.Function, jump: Any, strain: Any, degree: int) -> list[Any]:
-        terms, pressure = [], hydrostatic_of(y)
+        terms, pressure = [], fields_of(y)[1]
         if jump is not None:
             dilation = ufl.tr(self.kinematics.strain(jump))
             terms += [0.5 * self.terms(jump, jump)[0], self._integral(-pressure * dilation / 2, self.degree)]
@@ -215,7 +197,7 @@ class MixedLaw(SceneLaw):
         """The weak form of tr(epsilon) + p / lambda = 0, with initial strains."""
         q = self._pressure(ufl.TestFunction(self.own))
         dilation = ufl.tr(self.kinematics.strain(y if jump is None else y + jump))
-        terms = [self._integral((dilation + self._yields * hydrostatic_of(y)) * q, self.degree)]
+        terms = [self._integral((dilation + self._yields * fields_of(y)[1]) * q, self.degree)]
         if strain is not None:
             terms.append(self._integral(-self._swelling * strain * q, degree))
         return [*terms, self._integral(q, self.degree)]
@@ -228,7 +210,7 @@ class MixedLaw(SceneLaw):
     def stress(self, y: fem.Function, moved: Any, initial: Any) -> ElementStress:
         (_, mu), kinematics = self.lame, self.kinematics
         poisson, modulus = self._coefficient(lambda _, nu: nu), self._coefficient(lambda young, nu: young / (1 - nu**2))
-        sigma = 2 * mu * self.elastic(moved, None, on_axis=True) - hydrostatic_of(y) * ufl.Identity(3)
+        sigma = 2 * mu * self.elastic(moved, None, on_axis=True) - fields_of(y)[1] * ufl.Identity(3)
         of_difference = partial(compliance, kinematics=kinematics, lame=None, mu=mu, poisson=poisson)
         return ElementStress(y, kinematics, sigma, of_difference, modulus, mu)
 
@@ -279,22 +261,21 @@ class MixedLaw(SceneLaw):
         lifted = -np.array(divergences.getArray(readonly=True))
         return lifted if pressure_load is None else lifted - self.unit * pressure_load
 
-    def displacement(self, values: _Floats | None = None, name: str = "displacement") -> MixedDisplacement:
+    def displacement(self, values: _Floats | None = None) -> MixedDisplacement:
         """A displacement, zero so far, with the values of the pressure, None: zero."""
-        space = self.space
         pressure = fem.Function(self.own, name="hydrostatic pressure")
         if values is not None:
             pressure.x.array[: self.count] = self.unit * values
             pressure.x.scatter_forward()
         if self._materials > 1:
-            cellwise = fem.Function(fem.functionspace(space.mesh, ("DG", 1)), name=pressure.name)
+            cellwise = fem.Function(fem.functionspace(self.space.mesh, ("DG", 1)), name=pressure.name)
             cellwise.x.array[cellwise.function_space.dofmap.list] = pressure.x.array[self._rows]
             pressure = cellwise
-        return MixedDisplacement(space, pressure, name)
+        return MixedDisplacement(self.space, pressure)
 
     def unknowns(self, displacement: fem.Function) -> _Floats:
         """Those of the pressure of a displacement, shape (count,)."""
-        pressure = hydrostatic_of(displacement)
+        pressure = fields_of(displacement)[1]
         values = pressure.x.array[: self.count]
         if self._materials > 1:
             values = self._over_cells(pressure.x.array[pressure.function_space.dofmap.list])

@@ -1,10 +1,8 @@
 """Pressure that follows a body at finite strains, along the inward normal of the deformed boundary, per deformed area.
 
-Per undeformed area it is, by Nanson's formula, the traction -p cof(F) N with cof(F) = J F^-T.  Its tangent has a part
-that is not symmetric where p differs from place to place, or where the boundary that it acts on ends at an edge that is
-not held (K. Schweizerhof, E. Ramm, Comput. Struct. 18 (1984) 1099-1114).
-
-Centrifugal forces follow the body, too: they are those of the displaced places, and the mass stays what it was.
+Per undeformed area it is, by Nanson's formula, the traction -p cof(F) N with cof(F) = J F^-T.  Its tangent is not
+symmetric where p varies or its boundary ends at an edge that is not held (K. Schweizerhof, E. Ramm, Comput. Struct. 18
+(1984) 1099-1114).  Centrifugal forces are those of the displaced places.
 """
 
 from __future__ import annotations
@@ -101,19 +99,15 @@ class Followers:
         effects, element = [*pressures, *carried], statement.element.degree
         on = _DisplacedCoefficients(statement, tagged, u.function_space, u)
         factors = [fem.Constant(mesh, np.float64(0.0)) for _ in effects]
-        kinematics, v, around = on.kinematics, ufl.TestFunction(u.function_space), on.kinematics.measure
-        works = [
-            -ufl.inner(_traction(factor * on.value(effect.pressure), u, kinematics), v)
-            * around(position(u))
-            * ds(number, metadata={"quadrature_degree": effect.degree(element) + element})
-            for number, (effect, factor) in enumerate(zip(pressures, factors, strict=False), start=1)
+        v, around = ufl.TestFunction(u.function_space), on.kinematics.measure(position(u))
+        loads = [
+            (_traction(on.value(effect.pressure), u, on.kinematics), ds(number), effect.degree(element) + element)
+            for number, effect in enumerate(pressures, start=1)
         ]
-        works += [
-            -factor
-            * ufl.inner(effect.density(on), v)
-            * around(position(u))
-            * dx(metadata={"quadrature_degree": effect.degree(element)})
-            for effect, factor in zip(carried, factors[len(pressures) :], strict=True)
+        loads += [(effect.density(on), dx, effect.degree(element)) for effect in carried]
+        works = [
+            -factor * ufl.inner(load, v) * around * part(metadata={"quadrature_degree": degree})
+            for factor, (load, part, degree) in zip(factors, loads, strict=True)
         ]
         return cls(works, effects, factors, on)
 

@@ -1,9 +1,8 @@
 """Initial strains, and sections across bolts with the jumps of the displacement there.
 
-Beyond a section cells move against the nodes that they share with those before it, as if these nodes were there twice:
-with the unit vector n across the section the displacement in a cell beyond it is that of its nodes minus s n at those
-on the section, where s is the amount.  So no node is added, and nothing but the strain of these cells changes.
-The section need not be flat: it may consist of any facets, here of those closest to a plane.
+Cells beyond a section move against the nodes that they share with those before it, as if these were there twice: with
+the unit vector n across it their displacement is that of the nodes minus s n at those on the section, where s is the
+amount.  So no node is added, and the section may consist of any facets, here of those closest to a plane.
 """
 
 from __future__ import annotations

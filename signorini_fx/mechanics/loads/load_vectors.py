@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import count
-from typing import Any, NamedTuple
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -197,39 +197,27 @@ class FormCoefficients:
         return ufl.as_vector([self.value(value) for value in values[: self.space.mesh.geometry.dim]])
 
 
-Facets = Callable[[str], npt.NDArray[np.int32]]
-
-
-def measures(space: fem.FunctionSpace, effects: Sequence[Effect], facets: Facets) -> list[Any]:
+def measures(effects: Sequence[Effect], tagged: TaggedMesh) -> list[Any]:
     """Integration over what each effect acts on, the body, or the facets of its boundary."""
-    ds = measure(space.mesh, [facets(effect.where) for effect in effects if effect.where is not None], {})
+    ds = measure(tagged.mesh, [tagged.facets(effect.where) for effect in effects if effect.where is not None], {})
     number = count(1)
     return [ufl.dx if effect.where is None else ds(next(number)) for effect in effects]
 
 
-class LoadGroup(NamedTuple):
-    """What loads have in common that are assembled into one vector, see ``AppliedLoad``; ``factors``: None of those
-    that depend on the time (``timed``) and have none.
-    """
-
-    factors: tuple[float, ...] | None
-    timed: bool
-    balanced: bool
+# The factors that loads of one vector have in common, None of those that depend on the time and have none; whether they
+# depend on the time; and whether they are balanced, see ``AppliedLoad``.
+LoadGroup = tuple[tuple[float, ...] | None, bool, bool]
+_Load = TypeVar("_Load", bound=Load)
 
 
-def load_groups(statement: Statement) -> dict[LoadGroup, list[Load]]:
-    """The loads of the scene by what they share, without those that are zero or that ``initial_strains`` assembles."""
-    groups: dict[LoadGroup, list[Load]] = {}
-    for load in statement.loads:
+def load_groups(statement: Statement, loads: Sequence[_Load]) -> dict[LoadGroup, list[_Load]]:
+    """Loads by what they share, without those that are zero or that ``initial_strains`` assembles."""
+    groups: dict[LoadGroup, list[_Load]] = {}
+    for load in loads:
         if load.acts and load.grouped:
-            groups.setdefault(group_of(statement, load), []).append(load)
+            factors = load.factors if load.timed else statement.factors_of(load)
+            groups.setdefault((factors, load.timed, isinstance(load, InitialStrain)), []).append(load)
     return groups
-
-
-def group_of(statement: Statement, load: Load) -> LoadGroup:
-    """The key of a load in ``load_groups``."""
-    factors = load.factors if load.timed else statement.factors_of(load)
-    return LoadGroup(factors, load.timed, isinstance(load, InitialStrain))
 
 
 # From a time, to prescribed displacements and supports along no axis with their values.
@@ -342,7 +330,7 @@ def _compiled(effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormC
     """The integrals of effects over what each of them acts on; None without effects."""
     if not effects:
         return None
-    element, where = on.space.element.basix_element.degree, measures(on.space, effects, on.tagged.facets)
+    element, where = on.space.element.basix_element.degree, measures(effects, on.tagged)
     terms = [
         integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(element)})
         for effect, d in zip(effects, where, strict=True)

@@ -163,14 +163,14 @@ def missed_loads(model: Model, step: float) -> Floats:
     """
     mesh, dim = model.tagged.mesh, model.tagged.dimension
     owned = mesh.topology.index_map(dim).size_local
-    loads = [load for load in model.statement.of(Force) if load.varies]
+    loads = [load for load in model.statement.of(Force) if load.varies and not load.nodal]
     if not loads:
         return np.zeros(owned)
     z = ufl.TestFunction(fem.functionspace(mesh, ("DG", 0, (model.dimension,))))
     on, terms = model.coefficients, []
     assert on is not None
     on.move_to(step)
-    for load, where in zip(loads, measures(model.space, loads, model.tagged.facets), strict=True):
+    for load, where in zip(loads, measures(loads, model.tagged), strict=True):
         factor = fem.Constant(mesh, default_scalar_type(model.statement.now(load, step)[0]))
         density = factor * ufl.inner(load.density(on), z) * on.around
         fine = _CELL_DEGREE[dim] if load.where is None else _FACET_DEGREE[dim]

@@ -22,7 +22,7 @@ from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions, shared_in
 from signorini_fx.mechanics.elasticity.elastic_law import fields_of
 from signorini_fx.mechanics.loads.initial_strains import Jump, given_strains
-from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, group_of
+from signorini_fx.mechanics.loads.load_vectors import FormCoefficients, compile_loads, compile_resistance, load_groups
 from signorini_fx.mechanics.loads.supports import Supports, forces_at_nodes
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
@@ -76,10 +76,6 @@ class NodalForces(BodyNodes):
 
     def _take(self, displacement: fem.Function) -> None:
         """Evaluate all forms at a displacement."""
-        if self._on.elastic.pressed:
-            from signorini_fx.mechanics.elasticity.mixed_pressure import hydrostatic_of
-
-            hydrostatic_of(displacement)
         for own, given in zip(fields_of(self._y), fields_of(displacement), strict=True):
             own.x.array[:] = given.x.array
 
@@ -170,12 +166,8 @@ class NodalForces(BodyNodes):
     def external(self, step: float, some: Sequence[Force] | None = None) -> Array:
         """The forces in L of a load step, all or some, shape (owned nodes, d); initial strains have none."""
         total = np.zeros((self.owned, self.dimension))
-        groups: dict[Hashable, list[Force]] = {}
-        for load in self.statement.of(Force) if some is None else some:
-            if load.acts:
-                groups.setdefault(group_of(self.statement, load), []).append(load)
         self._on.move_to(step)
-        for loads in groups.values():
+        for loads in load_groups(self.statement, self.statement.of(Force) if some is None else some).values():
             factor, _ = self.statement.now(loads[0], step)
             compiled = self._compiled(("loads", *map(id, loads)), partial(compile_loads, loads, self._on, self._z))
             total += factor * self._sum(compiled)
