@@ -36,6 +36,11 @@ Nodal = npt.NDArray[np.float64]
 COMPONENTS = {a + b: (i, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if j >= i}
 
 
+def _limit(material: Any) -> float:
+    """The von Mises stress at which a material yields; infinite: it is not known."""
+    return math.inf if (stress := getattr(material, "yield_stress", None)) is None else stress
+
+
 @dataclass(frozen=True)
 class Extreme:
     """The smallest or largest value of a field, and where.
@@ -359,11 +364,11 @@ class RawStresses(StressFields):
         JSON-safe; None: no yield stress is known, and of nonlinear materials; collective.
         """
         model = self.model
-        if model is None or not self.recovers or all(math.isinf(one.yields_at) for one in model.statement.material):
+        if model is None or not self.recovers or all(math.isinf(_limit(one)) for one in model.statement.material):
             return None
         if parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all()):
             return {"value": math.nan, "place": []}
-        (limits,) = of_materials(model.statement, model.tagged, lambda material, _: (material.yields_at,))
+        (limits,) = of_materials(model.statement, model.tagged, lambda material, _: (_limit(material),))
         limit = fem.Function(fem.functionspace(model.tagged.mesh, ("DG", 0)))
         limit.x.array[:] = limits.value if isinstance(limits, fem.Constant) else limits.x.array
         largest = max((fields.utilised(limit) for fields in (self, self.recovered)), key=lambda entry: entry.value)

@@ -224,10 +224,6 @@ class PointForce(VectorForce):
     def features(self) -> Features:
         return super().features if self.acts else ()
 
-    def density(self, on: Coefficients) -> Any:
-        """Zero: it has none, see ``Force``."""
-        return on.vector((0.0, 0.0, 0.0))
-
 
 class TemperatureChange(InitialStrain):
     """A change of the temperature, by which the body expands in all directions where nothing prevents it.

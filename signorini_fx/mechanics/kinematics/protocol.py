@@ -168,6 +168,11 @@ class BodyOfRevolution(Kinematics):
     The strain has y_0 / r along the circumference, and forces are those of a revolution.
     """
 
+    whole: bool = True
+    uniform: bool = False
+    further_degrees: int = 2
+    least_x: float = 0.0
+
     def refused_axis(self, axis: tuple[float, ...] | None, about: tuple[float, ...] | None = None) -> str:
         if axis is not None and len(axis) == 2 and axis[0] == 0 and (about or (0.0,))[0] == 0:
             return ""
@@ -204,12 +209,8 @@ AXISYMMETRIC = BodyOfRevolution(
     2,
     ((0, 1),),
     normal_out=True,
-    whole=True,
-    uniform=False,
-    further_degrees=2,
     motions_without_strain=(False, True, False),
     zero_on_axis=(0,),
-    least_x=0.0,
     refuses={**REFUSED, "prescribed rotation": "is no axisymmetric motion"},
 )
 
@@ -241,12 +242,8 @@ TORSION = TwistedBody(
     3,
     SPACE.rotations,
     out_of_section=1,
-    whole=True,
-    uniform=False,
-    further_degrees=2,
     motions_without_strain=(False, True, False, False, True, False),
     zero_on_axis=(0, 2),
-    least_x=0.0,
     refuses={
         **REFUSED,
         "contact of two bodies": "is not possible yet where material.torsion is true: model the stiffer body as rigid, "

@@ -1,15 +1,10 @@
 """Friction that depends on the direction of slip, in 3D: an ellipse in place of the disc, a modifier of other laws.
 
-Along an axis e_1 in the tangent plane the bound is g, along e_2 across it r g:
-
-    (mu . e_1)^2 + (mu . e_2 / r)^2 <= g^2,
-
-and the slip is normal to the ellipse (the associated rule; Z. Mroz and S. Stupkiewicz, Int. J. Solids Structures 31
-(1994) 2027-2040).  With the tangents (e_1, r e_2) in place of orthonormal ones the components of the shear, in mu =
-mu_1 e_1 + mu_2 r e_2, fill the disc |(mu_1, mu_2)| <= g, those of the slip are s . e_1 and r s . e_2, and the normal of
-the ellipse is that of the disc.  So everything that works in the frame of a point, the laws, Newton's method and
-statics, is what it is for the disc.  Vectors in 3D are made with these tangents for forces, and for displacements
-with ``ContactBoundary.cotangents``, (e_1, e_2 / r).
+The bound along an axis e_1 in the tangent plane is g, along e_2 across it r g, and the slip is normal to the ellipse
+(Z. Mroz and S. Stupkiewicz, Int. J. Solids Structures 31 (1994) 2027-2040).  With the tangents (e_1, r e_2) in place of
+orthonormal ones the shear mu = mu_1 e_1 + mu_2 r e_2 fills the disc |(mu_1, mu_2)| <= g, the slip has the components s
+. e_1 and r s . e_2, and the normal of the ellipse is that of the disc: everything in the frame of a point is what it is
+for the disc.  Displacements in 3D are made with ``ContactBoundary.cotangents``, (e_1, e_2 / r).
 """
 
 from __future__ import annotations

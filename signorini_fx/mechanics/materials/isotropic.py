@@ -36,10 +36,6 @@ class LinearElastic(Material):
         return 2 * mu * strain + lame * ufl.tr(strain) * ufl.Identity(3)
 
     @property
-    def yields_at(self) -> float:
-        return math.inf if self.yield_stress is None else self.yield_stress
-
-    @property
     def natural_modulus(self) -> float:
         return self.young
 

@@ -13,7 +13,6 @@ of space unless it has others, see ``orthotropic``.  ``stress`` is linear, and U
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, ClassVar
@@ -107,11 +106,6 @@ class Material(Effect):
         """Whether moduli or axes vary within the material."""
         return self.grading is not None
 
-    @property
-    def yields_at(self) -> float:
-        """The von Mises stress at which it yields; infinite: it is not known."""
-        return math.inf
-
     def dimension_problems(self, dimension: int) -> Contradictions:
         """What does not fit to a mesh of a dimension: the path of the key, and why."""
         yield from ()
@@ -142,12 +136,6 @@ class Material(Effect):
         normal, lateral, shear = np.trace(c[:3, :3]), c[0, 1] + c[0, 2] + c[1, 2], np.trace(c[3:, 3:])
         mu = float((normal - lateral + 3 * shear) / 15)
         return float((normal + 2 * lateral) / 9) - 2 * mu / 3, mu
-
-    @property
-    def mean_poisson(self) -> float:
-        """A mean of Poisson's ratio; of an isotropic one in plane stress that of the same stresses in plane strain."""
-        first, second = self.lame
-        return first / (2 * (first + second)) if math.isfinite(first) else 0.5
 
     def stiffest(self, *, pressed: bool) -> float:
         """The largest normal stress per strain, ``pressed``: without a pressure that is an unknown of its own."""
