@@ -4,16 +4,14 @@ Springs of a boundary are part of it: their forces follow the displacement, alon
 
     F(u; v) = sum over the materials of the derivative of their energies, or of the integral of sigma : epsilon(v).
 
-The mean stress may be integrated with fewer points (selective reduced integration, see ``moduli.reduced_degree``): of
-finite strains the energy of the volume J, of small strains kappa tr(epsilon) I.
-
-A temperature by which the body expands freely by s in all directions leaves of the deformation F = (1 + s) F_e the
-elastic part, whose energy is per volume after the expansion, (1 + s)^3 W(F_e), and of small strains epsilon - s I.
+The mean stress, of finite strains the energy of the volume, may be integrated with fewer points.  A temperature by
+which the body expands freely by s in all directions leaves of the deformation F = (1 + s) F_e the elastic part, whose
+energy is per volume after the expansion, (1 + s)^3 W(F_e), and of small strains epsilon - s I.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -154,16 +152,18 @@ def body_residual(statement: Statement, tagged: TaggedMesh, u: fem.Function) -> 
             parts_of_energy = _energies(material, kinematics.gradient(u), free)
             energies += [energy * around * d for energy, d in zip(parts_of_energy, (shape, volume), strict=False)]
             continue
-        (bulk, shear), strain, tested = _constants(material), _elastic(kinematics.strain(u), free), kinematics.strain(v)
+        tested, (of_shape, of_volume) = kinematics.strain(v), stress_parts(material, u, kinematics, free)
         if isinstance(material, PathDependent):
-            state = _points(material, owned, kinematics, space, strain, full)
+            state = _points(material, owned, kinematics, space, _elastic(kinematics.strain(u), free), full)
             points.append(state)
-            by_components, tried = (_components(one, state.pairs) for one in (tested, kinematics.strain(du)))
+            by_components, tried = (
+                components(one, [PAIRS[k] for k in state.pairs]) for one in (tested, kinematics.strain(du))
+            )
             forms.append(ufl.inner(state.stress, by_components) * around * shape)
             of_states.append(ufl.inner(ufl.dot(state.tangent, tried), by_components) * around * shape)
         else:
-            forms.append(2 * shear * ufl.inner(ufl.dev(strain), tested) * around * shape)
-        forms.append(bulk * ufl.tr(strain) * ufl.tr(tested) * around * volume)
+            forms.append(ufl.inner(of_shape, tested) * around * shape)
+        forms.append(ufl.inner(of_volume, tested) * around * volume)
     if energies:
         forms.append(ufl.derivative(sum(energies[1:], energies[0]), u, v))
     springs = [effect for effect in statement.of(Resistance) if effect.acts]
@@ -184,9 +184,9 @@ def stress_parts(material: Any, u: fem.Function, kinematics: Kinematics, free: A
     is zero, or that of a state; ``free``: see ``BodyResidual``.
     """
     if not material.finite:
-        (bulk, shear), strain = _constants(material), _elastic(kinematics.strain(u), free)
+        (first, shear), strain = material.at_rest.lame, _elastic(kinematics.strain(u), free)
         of_shape = None if isinstance(material, PathDependent) else 2 * shear * ufl.dev(strain)
-        return [of_shape, bulk * ufl.tr(strain) * ufl.Identity(3)]
+        return [of_shape, (first + 2 * shear / 3) * ufl.tr(strain) * ufl.Identity(3)]
     change = ufl.variable(kinematics.gradient(u))
     gradient = ufl.Identity(3) + change
     energies = _energies(material, change, free)
@@ -206,16 +206,6 @@ def _energies(material: Any, change: Any, free: Any | None) -> list[Any]:
         change, expanded = (change - free * ufl.Identity(3)) / (1 + free), (1 + free) ** 3
     energies = [material.shape_energy_by_change(change) * expanded]
     return [*energies, material.volume_energy_by_change(growth(change)) * expanded] if material.splits else energies
-
-
-def _constants(material: Any) -> tuple[float, float]:
-    """The bulk and the shear modulus of a material at small strains, stresses."""
-    linear = material.at_rest
-    return linear.young / (3 * (1 - 2 * linear.poisson)), linear.young / (2 * (1 + linear.poisson))
-
-
-def _components(strain: Any, pairs: Sequence[int]) -> Any:
-    return components(strain, [PAIRS[pair] for pair in pairs])
 
 
 def _points(

@@ -129,9 +129,6 @@ def _rim(points: Array, cells: Rows) -> Rows:
 class InThePlane(StraightPieces):
     """The rim of an area, from points, shape (n, 2), and ends of the sides of areas, counterclockwise around each of
     them, shape (m, 2).
-
-    Attributes:
-        extent: the least and the greatest coordinates, length, shape (2, 2), and the area over the perimeter.
     """
 
     dimension = 2
@@ -142,18 +139,13 @@ class InThePlane(StraightPieces):
         ends = points[sides[outer]]
         area = float(np.linalg.det(ends - ends.mean(axis=(0, 1))).sum()) / 2
         perimeter = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+        # The least and the greatest coordinates, and the area over the perimeter; in 3D the volume over the area.
         self.extent = np.stack((ends.min(axis=(0, 1)), ends.max(axis=(0, 1)))), area / perimeter
 
 
 class InSpace:
     """A closed surface of triangles, with VTK's signed distance, from a file, points, shape (n, 3), and corners in any
-    order, shape (m, 3).
-
-    Attributes:
-        extent: the least and the greatest coordinates, length, shape (2, 3), and the volume over the area.
-
-    Raises:
-        MeshError: it is not closed, has no inside, or VTK is missing.
+    order, shape (m, 3), or a ``MeshError``.
     """
 
     dimension = 3
