@@ -1,12 +1,4 @@
-"""Contact with a rigid foundation or another body, and its friction: the laws of ``laws``, and those of other packages.
-
-A package that says in its pyproject.toml
-
-    [project.entry-points."signorini_fx.laws"]
-    saturating = "its.module:Saturating"
-
-has scenes with friction = { law = "saturating", coefficient = 0.3, largest = 2.0 }.
-"""
+"""Contact with a rigid foundation or another body, and its friction by the laws of ``laws`` or of other packages."""
 
 from __future__ import annotations
 

@@ -1,13 +1,7 @@
 """What the body is made of: materials by their keys, those of ``materials`` and those of other packages.
 
-A package that says in its pyproject.toml
-
-    [project.entry-points."signorini_fx.materials"]
-    "transversely isotropic" = "its.module:TransverselyIsotropic"
-
-has scenes with [material] law = "transversely isotropic" and the keys of this class.  Linear materials of
-``materials`` are known by their keys alone, nonlinear ones by their law.  A scene imports the files of its materials
-alone.
+Linear materials of ``materials`` are known by their keys alone, all others by their law.  A scene imports the files of
+its materials alone.
 """
 
 from __future__ import annotations

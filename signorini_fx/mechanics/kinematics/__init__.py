@@ -1,13 +1,8 @@
 """Which displacements a body has: strains, measures, rigid motions and components of each kind.
 
-The object of a problem is ``Statement.kinematics``, that of its body ``ElasticBody.kinematics``.  All others ask it
-and know no kind.  Other packages have more for plane meshes, objects with the base ``Kinematics`` by entry points,
-
-    [project.entry-points."signorini_fx.kinematics"]
-    sector = "its.module:SECTOR"
-
-which materials ask for by ``hypothesis = "sector"``.  This package knows neither scenes nor meshes; UFL is imported
-where it is needed.
+The object of a problem is ``Statement.kinematics``, that of its body ``ElasticBody.kinematics``; all others ask it and
+know no kind.  Materials name that of another package, an object with the base ``Kinematics``, as their ``hypothesis``.
+UFL is imported where it is needed.
 """
 
 from __future__ import annotations

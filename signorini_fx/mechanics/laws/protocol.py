@@ -2,15 +2,7 @@
 
 A law is |mu| <= g(lambda): the shear mu, a stress, is at most a bound that the contact pressure lambda >= 0 decides,
 and where it is less, nothing slips.  The fields of its class are its parameters: numbers, expressions, callables, UFL.
-At points they are arrays, and ``limit`` is plain NumPy on them:
-
-    class Saturating(FrictionLaw):
-        law: Literal["saturating"] = "saturating"
-        coefficient: Parameter
-        largest: Parameter
-
-        def limit(self, pressure):
-            return self.largest * (1 - np.exp(-self.coefficient * pressure / self.largest))
+At points they are arrays, and ``limit`` is plain NumPy on them, as in ``demos/extensions/law.py``.
 """
 
 from __future__ import annotations

@@ -1,14 +1,8 @@
 """What a material says.  All that assembles, judges and tells of one asks these methods and knows no kind.
 
 The fields of its class are its constants.  Strains and stresses are symmetric tensors along its axes, which are those
-of space unless it has others, see ``orthotropic``.  ``stress`` is linear, and UFL:
-
-    class Stiff(Material):
-        law: Literal["stiff"] = "stiff"
-        modulus: Positive
-
-        def stress(self, strain):
-            return self.modulus * strain
+of space unless it has others, see ``orthotropic``.  ``stress`` is linear, and UFL, as in
+``demos/extensions/material.py``.
 """
 
 from __future__ import annotations
