@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
+from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.algebra.linalg.petsc_calls import memory_ended
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
@@ -31,7 +32,7 @@ from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import ACCURACY, History, Status
 from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
-from signorini_fx.results.accuracy.level_results import LevelResult, level_result
+from signorini_fx.results.accuracy.level_results import LevelResult, mean_spacing, regularisation_errors
 from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
@@ -136,19 +137,32 @@ class MeshedProblem(ABC):
             return replace(solved, outcome=None)
         if not step_errors:
             return solved
-        errors = worst_of(step_errors)
-        level = level_result(
-            number,
-            solution.model,
-            solved.task,
-            solved.outcome,
-            step_errors[-1].size,
-            errors,
-            solution.table,
-            own=history.iterations[solves_before:],
-            cost=(sum(solution.timings.seconds.values()), parallel.peak_memory(comm)),
-            # Of the load steps that all meshes have in common.
-            contacts=[step.contact for step in solution.steps if step.contact and step.place.is_integer()],
+        errors, body, table, task = worst_of(step_errors), solution.model, solution.table, solved.task
+        # Of the load steps that all meshes have in common.
+        contacts = [step.contact for step in solution.steps if step.contact and step.place.is_integer()]
+        own, regularisation, krylov = history.iterations[solves_before:], (0.0, 0.0), np.inf
+        left = [record.residual for record in own[-1:]]
+        if task is not None and solved.outcome is not None:
+            regularisation = regularisation_errors(task, solved.outcome, step_errors[-1].size, contacts[-1])
+            left.append(task.history.outer[-1].change or 0.0)
+            krylov = krylov_from(body.system_size(), body.settings.linear_algebra)
+        level = LevelResult(
+            level=number,
+            h=mean_spacing(table, revolved=not body.kinematics.uniform),
+            dofs=body.dofs,
+            linear_solves=len(own),
+            factorisations=sum(record.factorised for record in own),
+            seconds=parallel.global_max(comm, sum(solution.timings.seconds.values())),
+            memory=parallel.peak_memory(comm),
+            energy=errors.energy,
+            pressure=errors.pressure,
+            loads=errors.loads,
+            regularisation=regularisation[0],
+            pressure_regularisation=regularisation[1],
+            iteration=max(left, default=0.0),
+            table=table,
+            force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
+            krylov_from=krylov,
         )
         return replace(solved, level=level, errors=errors)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +10,9 @@ import numpy.typing as npt
 from signorini_fx.algebra.algorithms.path_following import path_model
 from signorini_fx.algebra.algorithms.task import Outcome, Task
 from signorini_fx.algebra.linalg import petsc_calls, petsc_options
-from signorini_fx.algebra.linalg.choice import krylov_from
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.mechanics.model import ElasticBody
-from signorini_fx.records import IterationRecord
-from signorini_fx.results.accuracy.error_estimates import Errors
 
 
 @dataclass(frozen=True)
@@ -70,65 +65,32 @@ class LevelResult:
         return 2 if self.table.facets is None else 3
 
 
-def _spacing(table: ContactTable, *, revolved: bool) -> float:
-    """The mean length, or the side of the mean area, that belongs to a contact node."""
+def mean_spacing(table: ContactTable, *, revolved: bool) -> float:
+    """The mean length, or the side of the mean area, that belongs to a contact node; ``revolved``: weights are areas of
+    rings.
+    """
     weight = table.columns["weight"]
-    if revolved:  # the weights are areas of rings
+    if revolved:
         return float(sum(np.ptp(table.arc(path)) for path in table.paths) / len(weight))
     return float(weight.mean() ** (1 if table.facets is None else 1 / 2))
 
 
-def level_result(
-    level: int,
-    body: ElasticBody,
-    task: Task | None,
-    outcome: Outcome | None,
-    size: float,
-    errors: Errors,
-    table: ContactTable,
-    *,
-    own: Sequence[IterationRecord],
-    cost: tuple[float, float],
-    contacts: Sequence[ContactState],
-) -> LevelResult:
-    """The errors and the cost of a mesh with a solution; two back substitutions, collective; ``task``, ``outcome``:
-    None of a nonlinear body, with no regularisation and no Krylov method; ``size``: energy norm of the solution;
-    ``own``: the linear solves on this mesh; ``cost``: seconds on this rank, and peak memory so far of all ranks, MB;
-    ``contacts``: after each load step.
+def regularisation_errors(task: Task, outcome: Outcome, size: float, contact: ContactState) -> tuple[float, float]:
+    """The regularisation error of a solution with this energy norm, and that of its contact pressure, both relative;
+    two back substitutions, collective.
     """
-    regularisation = pressure_regularisation = 0.0
-    data = None if outcome is None else outcome.problem.data
+    data = outcome.problem.data
     # Multipliers of an augmentation shift the pressure.
-    shifted = data is not None and parallel.any_rank(body.comm, bool(data.lambda_hat.any()))
-    if task is not None and data is not None and not shifted and np.isfinite(data.gamma_n) and size > 0:
-        newton = task.unsymmetric_newton if data.follows is not None else task.newton
-        problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
-        if jacobian.handle not in problem.tangent.factorised:  # of a checkpoint, with which nothing has been solved
-            newton.pose(problem.data, problem.sets)
-            problem.assemble_jacobian(newton.snes, newton.x, jacobian)
-            problem.factorised(jacobian)
-            with petsc_options.defaults():
-                petsc_calls.solve(newton.snes.getKSP().setUp)
-        model = path_model(newton, data)
-        pressure = contacts[-1].points.norm(contacts[-1].pressure)
-        regularisation = model.distance / size
-        pressure_regularisation = model.pressure_distance / pressure if pressure > 0 else 0.0
-    change = None if task is None else task.history.outer[-1].change
-    return LevelResult(
-        level=level,
-        h=_spacing(table, revolved=table.facets is None and not body.kinematics.uniform),
-        dofs=body.dofs,
-        linear_solves=len(own),
-        factorisations=sum(record.factorised for record in own),
-        seconds=parallel.global_max(body.comm, cost[0]),
-        memory=cost[1],
-        energy=errors.energy,
-        pressure=errors.pressure,
-        loads=errors.loads,
-        regularisation=regularisation,
-        pressure_regularisation=pressure_regularisation,
-        iteration=max(own[-1].residual if own else 0.0, change or 0.0),
-        table=table,
-        force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
-        krylov_from=np.inf if task is None else krylov_from(body.system_size(), body.settings.linear_algebra),
-    )
+    shifted = parallel.any_rank(contact.boundary.comm, bool(data.lambda_hat.any()))
+    if shifted or not np.isfinite(data.gamma_n) or not size > 0:
+        return 0.0, 0.0
+    newton = task.unsymmetric_newton if data.follows is not None else task.newton
+    problem, jacobian = newton.problem, newton.snes.getJacobian()[0]
+    if jacobian.handle not in problem.tangent.factorised:  # of a checkpoint, with which nothing has been solved
+        newton.pose(problem.data, problem.sets)
+        problem.assemble_jacobian(newton.snes, newton.x, jacobian)
+        problem.factorised(jacobian)
+        with petsc_options.defaults():
+            petsc_calls.solve(newton.snes.getKSP().setUp)
+    model, pressure = path_model(newton, data), contact.points.norm(contact.pressure)
+    return model.distance / size, model.pressure_distance / pressure if pressure > 0 else 0.0
