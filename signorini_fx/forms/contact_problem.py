@@ -342,7 +342,7 @@ class ContactProblem(ProblemOfForms):
             raise RuntimeError(NO_STRESS)
         _ = solver.state  # which says so where there is no solution
         if self._stresses is None or self._stresses[0] is not solver.outcome:
-            stress = solver.model().stress(self.u.copy(), 0.0, {})
+            stress = solver.model().stress(self.u.copy(), 0.0)
             assert not isinstance(stress, str)
             self._stresses = solver.outcome, stress
         return self._stresses[1]
@@ -354,8 +354,8 @@ class ContactProblem(ProblemOfForms):
         if solver.forms.measures:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
             raise FormError([("stress", wrong)])
-        model, squares = solver.model(), stress.recovery.squares(self.u)
-        return model, contact_table(self.state, *model.statement.sides), squares, stress.energy
+        model = solver.model()
+        return model, contact_table(self.state, *model.statement.sides), stress.squares, stress.energy
 
     def titled(self, title: str) -> Solution:
         from signorini_fx.forms.steps import solution_of

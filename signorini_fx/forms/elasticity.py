@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -201,22 +201,23 @@ class FormBody(SolidBody):
         external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
         return Balance(surface, internal, external, supports, scales, scales, nothing)
 
-    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
-        """Raw and recovered, with the estimate of its error, for which the traction of compiled forms is not known."""
-        from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+    def stress(self, y: fem.Function, step: float) -> RawStresses | str:
         from signorini_fx.results.stresses import RawStresses
 
-        forms, law, (fixed, _) = self.user_forms, self.user_forms.stress, self.prescribed_dofs
-        if law is None:
-            return NO_STRESS
+        law = self.user_forms.stress
+        return NO_STRESS if law is None else RawStresses(stress_of(law, y, self.user_forms.parts), self)
+
+    @cached_property
+    def recovery(self) -> StressRecovery:
+        """For the estimate of the error the traction of compiled forms is not known."""
+        from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+
+        forms, (fixed, _) = self.user_forms, self.prescribed_dofs
+        assert forms.stress is not None
+        stress = stress_of(forms.stress, fem.Function(self.space), forms.parts)
         all_ufl = all(isinstance(form, ufl.Form) for form in forms.original)
-
-        def projects() -> StressRecovery:
-            stress = stress_of(law, fem.Function(y.function_space), forms.parts)
-            residual = partial(residual_of, stress, forms, fixed) if all_ufl else lambda z: None
-            return StressRecovery(stress, lambda z: (lambda step: None, residual(z)))
-
-        return RawStresses(stress_of(law, y, forms.parts), projects, shared=shared)
+        residual = partial(residual_of, stress, forms, fixed) if all_ufl else lambda z: None
+        return StressRecovery(stress, lambda z: (lambda step: None, residual(z)))
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         """What acts through the parts of the boundary that have names."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from dolfinx import fem
@@ -53,10 +53,13 @@ class SolidBody(Model, ABC):
         return ContactConditions(self.boundary, self.data.gap, self.law, self.data.bilateral, pairs)
 
     @abstractmethod
-    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
-        """The stress of a displacement at a place in the lists of factors, or why it is not known; ``shared``: where
-        what projects is kept for other displacements; collective.
-        """
+    def stress(self, y: fem.Function, step: float) -> RawStresses | str:
+        """The stress of a displacement at a place in the lists of factors, or why it is not known; collective."""
+
+    @cached_property
+    def recovery(self) -> StressRecovery:
+        """What projects the stress of any displacement; collective."""
+        raise RuntimeError("a nonlinear body has no recovered stress")
 
     @abstractmethod
     def balance(self, y: fem.Function, step: float) -> Balance:
@@ -98,12 +101,17 @@ class StatedBody(SolidBody):
     def drives(self, step: float) -> list[Drive]:
         return self.statement.drives(self.tagged.dimension, step)
 
-    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
-        from signorini_fx.results.accuracy.stress_recovery import StressRecovery, element_stress
+    def stress(self, y: fem.Function, step: float) -> RawStresses:
+        from signorini_fx.results.accuracy.stress_recovery import element_stress
         from signorini_fx.results.stresses import RawStresses
 
-        projects, balance = partial(StressRecovery.of, self), partial(self.balance, y, step)
-        return RawStresses(element_stress(self, y, step), projects, step, shared, model=self, balance=balance)
+        return RawStresses(element_stress(self, y, step), self, step)
+
+    @cached_property
+    def recovery(self) -> StressRecovery:
+        from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+
+        return StressRecovery.of(self)
 
     def balance(self, y: fem.Function, step: float) -> Balance:
         from signorini_fx.results.certificate.nodal_forces import NodalForces

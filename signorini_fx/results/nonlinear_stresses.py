@@ -31,9 +31,9 @@ from signorini_fx.mechanics.body.nonlinear_law import (
 )
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, element_at_points
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
-from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.results.certificate.nodal_forces import NodalForces
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.resultants import NamedForces
 from signorini_fx.results.stresses import PointStress, RawStresses
 
@@ -133,11 +133,11 @@ def _evaluated(expression: Any, points: Array, mesh: dmesh.Mesh, cells: npt.NDAr
     return np.asarray(compiled.eval(mesh, cells)).reshape(len(cells), len(points), *expression.ufl_shape)
 
 
-def nonlinear_stresses(model: Model, forces: NonlinearForces, path: Path) -> RawStresses:
+def nonlinear_stresses(model: SolidBody, forces: NonlinearForces, path: Path) -> RawStresses:
     """The Cauchy stress at the end of load steps, at small strains the stress; nothing is recovered, and no error
     estimated; collective.
     """
     at_points, space = forces.stress_after(path), model.space
     tensor = at_points.on_cells(at_points.stress, space.mesh, space.element.basix_element.degree - 1, "stress")
     stress = ElementStress(path[-1][0], forces.kinematics, tensor, lambda _: None, None, None)
-    return RawStresses(stress, None, model=model, at_points=at_points)
+    return RawStresses(stress, model, at_points=at_points)

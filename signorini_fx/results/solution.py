@@ -24,7 +24,6 @@ from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, Timings
 from signorini_fx.results.accuracy.next_accuracy import NAMES, next_cost
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.certificate.certificate import Certificate, another_law
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
 from signorini_fx.results.contact_figures import contact_figures, friction_used, section_forces
@@ -73,7 +72,6 @@ class Solution:
         found: gives what ``findings`` begins without; collective on several ranks.
         levels: the meshes of a nested iteration, coarsest first; otherwise empty.
         convergence_table: errors and cost of each of them, and predictions for the next one; otherwise empty.
-        shared: what the results of all load steps use, once it is made.
     """
 
     status: Status
@@ -90,7 +88,6 @@ class Solution:
     found: Callable[[], tuple[Finding, ...]] = tuple
     levels: tuple[LevelResult, ...] = ()
     convergence_table: tuple[Price, ...] = ()
-    shared: dict[str, StressRecovery] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """One line, because the fields contain whole meshes and matrices."""
@@ -278,7 +275,7 @@ class Solution:
 
     @cached_property
     def _stress(self) -> RawStresses | str:
-        return self.model.stress(self.displacement, self._position, self.shared)
+        return self.model.stress(self.displacement, self._position)
 
     @cached_property
     def resultants(self) -> Resultants:

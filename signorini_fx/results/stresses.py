@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,8 +26,7 @@ from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.model import Model
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.equilibrium import Balance
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.singularities import why_no_limit
 
 Nodal = npt.NDArray[np.float64]
@@ -239,45 +238,26 @@ class RawStresses(StressFields):
     the body, at ends of supports and at a contact edge may have no limit as the mesh is refined.
 
     Attributes:
-        projects: makes what projects; None: that of a nonlinear body, which is not recovered.
-        at_points: of a nonlinear body at the points of quadrature, where its extremes are; None: they are at nodes.
+        body: that it is of.
         place: of the load step in the lists of factors, see ``statement.load_path``.
-        shared: where what projects is kept for other displacements.
-        model: the body of a scene; None: the forms alone are known.
-        balance: its forces; None: the forms alone are known.
+        at_points: of a nonlinear body at the points of quadrature, where its extremes are; None: they are at nodes.
     """
 
-    projects: Callable[[], StressRecovery] | None
+    body: SolidBody
     place: float = 0.0
-    shared: dict[str, StressRecovery] = field(default_factory=dict)
-    model: Model | None = field(default=None, kw_only=True)
-    balance: Callable[[], Balance] | None = field(default=None, kw_only=True)
-    at_points: PointStress | None = field(default=None, kw_only=True)
+    at_points: PointStress | None = None
 
     @property
     def recovers(self) -> bool:
         """Whether there are a ``recovered`` stress and an estimated error."""
-        return self.projects is not None
-
-    @property
-    def recovery(self) -> StressRecovery:
-        """What projects; collective.
-
-        Raises:
-            RuntimeError: the body is nonlinear.
-        """
-        if self.projects is None:
-            raise RuntimeError("a nonlinear body has no recovered stress")
-        if "recovery" not in self.shared:
-            self.shared["recovery"] = self.projects()
-        return self.shared["recovery"]
+        return self.at_points is None
 
     @cached_property
     def energy(self) -> float:
         """The strain energy of the stress; collective."""
-        if self.balance is None:
-            return self.recovery.energy(self.stress.displacement)
-        balance = self.balance()
+        if not self.body.statement.material:  # that of forms may have the energy of springs in it
+            return self.body.recovery.energy(self.stress.displacement)
+        balance = self.body.balance(self.stress.displacement, self.place)
         y = self.stress.displacement.x.array.reshape(-1, balance.surface.dimension)
         return balance.strain_energy(balance.works(y[: balance.surface.owned]))
 
@@ -314,7 +294,7 @@ class RawStresses(StressFields):
         mesh = self.stress.displacement.function_space.mesh
         tensor = fem.Function(fem.functionspace(mesh, ("DG", 1, (3, 3))), name="recovered_stress")
         values, nodes = tensor.x.array.reshape(-1, 3, 3), tensor.function_space.dofmap.list
-        for cells, components in self.recovery.smoothed(self.stress.displacement, self.place):
+        for cells, components in self.body.recovery.smoothed(self.stress.displacement, self.place):
             values[nodes[cells]] = tensors(components, self.stress.kinematics.stressed)
         return StressFields(replace(self.stress, in_space=tensor))
 
@@ -342,7 +322,7 @@ class RawStresses(StressFields):
     @cached_property
     def squares(self) -> npt.NDArray[np.float64]:
         """The squared error of each owned cell, an energy, shape (cells,); collective."""
-        return self.recovery.squares(self.stress.displacement, self.place)
+        return self.body.recovery.squares(self.stress.displacement, self.place)
 
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
@@ -363,8 +343,8 @@ class RawStresses(StressFields):
         """The largest share of the yield stress, of raw and recovered stress the one that uses more, and where,
         JSON-safe; None: no yield stress is known, and of nonlinear materials; collective.
         """
-        model = self.model
-        if model is None or not self.recovers or all(math.isinf(_limit(one)) for one in model.statement.material):
+        model = self.body
+        if not self.recovers or all(math.isinf(_limit(one)) for one in model.statement.material):
             return None
         if parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all()):
             return {"value": math.nan, "place": []}
@@ -377,12 +357,11 @@ class RawStresses(StressFields):
     def _told(self, extreme: Extreme, *, finite: bool = True) -> dict[str, Any]:
         """An extreme, with the part of several, and of a linear body why there is no limit; JSON-safe; collective."""
         told: dict[str, Any] = {"value": extreme.value, "place": [*extreme.place]}
-        if (model := self.model) is None:
-            return told
+        model = self.body
         regions = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
         if len(regions) > 1:
             told["region"] = part_of(model, extreme.cell, regions)
-        if finite and self.recovers:
+        if finite and self.recovers and model.statement.material:
             told["no_limit"] = why_no_limit(model, extreme.place)
         return told
 

@@ -37,7 +37,6 @@ from signorini_fx.mechanics.statement.expressions import sample
 from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Timings
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
 from signorini_fx.results.mechanics import StepResult, acting_on
 from signorini_fx.results.nonlinear_stresses import NonlinearForces, nonlinear_stresses
 from signorini_fx.results.resultants import ActingForces
@@ -261,7 +260,7 @@ class BodyOfScene(ResidualBody):
 
     forces: NonlinearForces  # evaluates the forces and the stress of materials, and the forces of loads
 
-    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses:
+    def stress(self, y: fem.Function, step: float) -> RawStresses:
         path = [(load_step.displacement, load_step.place) for load_step, _ in self.ends]
         last = next((number for number, (displacement, _) in enumerate(path) if displacement is y), None)
         return nonlinear_stresses(self, self.forces, [(y, step)] if last is None else path[: last + 1])

@@ -78,7 +78,7 @@ class ResidualBody(SolidBody):
     def conditions(self, y: fem.Function) -> ContactConditions | None:
         return self._at(y).contact
 
-    def stress(self, y: fem.Function, step: float, shared: dict[str, StressRecovery]) -> RawStresses | str:
+    def stress(self, y: fem.Function, step: float) -> RawStresses | str:
         return "only the residual knows the stresses of a nonlinear body: evaluate its own expression"
 
     def balance(self, y: fem.Function, step: float) -> Balance:

@@ -23,7 +23,7 @@ from signorini_fx.results.accuracy.pressure_error import (
     on_facets,
     pressure_square,
 )
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
@@ -59,13 +59,13 @@ class Errors:
 
 
 def estimate_errors(
-    model: Model, displacement: fem.Function, energy: float, table: ContactTable, step: float
+    model: SolidBody, displacement: fem.Function, energy: float, table: ContactTable, step: float
 ) -> Errors:
     """Estimate the errors on a mesh; ``energy``: strain energy of the solution; collective."""
     missed = missed_loads(model, step)
     squares = np.zeros(missed.shape)
     if energy > 0:
-        squares = StressRecovery.of(model).squares(displacement, step)
+        squares = model.recovery.squares(displacement, step)
     if parallel.any_rank(model.comm, bool(missed.any())):
         pressed = float(np.dot(table.columns["weight"], np.abs(table.columns["pressure"])))
         forces = sum(factor * load.pushing for factor, load in model.applied_at(step))
