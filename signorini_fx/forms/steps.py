@@ -18,7 +18,7 @@ from signorini_fx.records import Status, Timings
 from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.solution import Solution
 from signorini_fx.results.step_frames import StepEnd
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint, open_checkpoint
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.load_steps import BegunStep, Increments, SteppedBody, StepProgress
 from signorini_fx.solving.solve_on_mesh import contact_solution, findings_of_steps
 
@@ -124,7 +124,7 @@ def begun_path(
     }
     comm, history = forms.mesh.comm, solver.history
     try:
-        stored = open_checkpoint(comm, folder, described, history, restart=restart)
+        stored = MeshCheckpoint(comm, folder, described, history, restart=restart)
     except SceneError as error:
         raise FormError(error.problems, "run") from None
     solver.folders.append(place)

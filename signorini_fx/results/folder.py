@@ -13,7 +13,7 @@ import contextlib
 import errno
 import fcntl
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Self
 
@@ -63,11 +63,10 @@ class ResultFolder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        if not self._claimed:
-            return
-        if error is None or isinstance(error, SignoriniError):  # these are raised on all ranks
-            self.discard()
-        else:  # the other ranks may never get here: this rank removes what it can
+        claimed, self._claimed = self._claimed, False
+        if claimed and (error is None or isinstance(error, SignoriniError)):  # these are raised on all ranks
+            parallel.on_root(self._comm, self._remove)
+        elif claimed:  # the other ranks may never get here: this rank removes what it can
             self._remove()
 
     def commit(self) -> None:
@@ -100,7 +99,7 @@ class ResultFolder:
     def _move(self, begin: Callable[[list[str]], None]) -> None:
         try:
             new = manifest.files(self.part)
-            self._refuse(manifest.foreign(self.path, new))
+            refuse_foreign(self.path, new)
             begin(new)
             for name in sorted(new, key=lambda name: name == SUMMARY):
                 (self.path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -115,20 +114,8 @@ class ResultFolder:
         with contextlib.suppress(OSError):
             manifest.begin_part(self.path)
 
-    def _refuse(self, foreign: Sequence[str]) -> None:
-        if foreign:
-            listed = ", ".join(foreign[:5]) + (f" and {len(foreign) - 5} more" if len(foreign) > 5 else "")
-            raise OutputError(
-                f"{self.path}: {listed}: no earlier run lists this as its own, so it stays: move it, or choose another "
-                "folder"
-            )
-
-    def discard(self) -> None:
-        """Remove what is not in place; older results stay."""
-        self._claimed = False
-        parallel.on_root(self._comm, lambda: self._remove() if self._lock is not None else None)
-
     def _remove(self) -> None:
+        """Remove what is not in place; older results stay."""
         manifest.remove_part(self.path)
         if self._made:
             with contextlib.suppress(OSError):
@@ -141,7 +128,7 @@ class ResultFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
             _lock(self._lock)
-            self._refuse(manifest.foreign(self.path, self._names))
+            refuse_foreign(self.path, self._names)
             manifest.begin_part(self.path)
         except (OutputError, OSError, ValueError) as error:  # ValueError: a null byte in the path
             self._release()
@@ -156,6 +143,14 @@ class ResultFolder:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+
+def refuse_foreign(folder: Path, names: Iterable[str]) -> None:
+    """Raise ``OutputError`` if there is something at these places of a folder that no run has written; on one rank."""
+    if foreign := manifest.foreign(folder, names):
+        listed = ", ".join(foreign[:5]) + (f" and {len(foreign) - 5} more" if len(foreign) > 5 else "")
+        reason = "no earlier run lists this as its own, so it stays: move it, or choose another folder"
+        raise OutputError(f"{folder}: {listed}: {reason}")
 
 
 def _lock(descriptor: int) -> None:

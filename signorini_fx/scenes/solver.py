@@ -109,9 +109,9 @@ def _checkpoint(
         if restart:
             raise SceneError([("restart", f"{without} has no checkpoint to go on from: solve it without restart")])
         return None
-    from signorini_fx.solving.checkpointed_steps import open_checkpoint
+    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
-    return open_checkpoint(comm, folder, scene, history, restart=restart)
+    return MeshCheckpoint(comm, folder, scene, history, restart=restart)
 
 
 def refuse_other_than_comm(comm: object) -> None:

@@ -12,13 +12,14 @@ from signorini_fx.addons.report import page as report_page
 from signorini_fx.addons.report.page import write_report
 from signorini_fx.errors import MissingPackageError, OutputError
 from signorini_fx.machine import manifest
+from signorini_fx.records import History
 from signorini_fx.results import files
 from signorini_fx.results.folder import ResultFolder
-from signorini_fx.results.restart_files import Checkpoint
 from signorini_fx.scenes import solver
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
+from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
 SELF = MPI.COMM_SELF
 SCENE = """
@@ -116,7 +117,9 @@ def test_what_a_killed_run_leaves(tmp_path, monkeypatch):
     manifest.begin_part(out / "checkpoint")
     (out / "checkpoint" / manifest.PART / "half").write_text("half")
     manifest.begin_part(out)
-    assert Checkpoint(SELF, out, scene, restart=True).found == 2
+    history = History()
+    MeshCheckpoint(SELF, out, scene, history, restart=True)
+    assert "2 complete load steps" in history.events[0]
     monkeypatch.setattr(manifest, "remove", lambda _: 1 / 0)  # killed while the folder is put in order
     with pytest.raises(ZeroDivisionError):
         files.write_results(solution, out, fields=False, pictures=False)

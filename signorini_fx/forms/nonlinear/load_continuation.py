@@ -18,8 +18,7 @@ from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.records import Status, StepRecord
 from signorini_fx.results.mechanics import StepResult
-from signorini_fx.results.restart_files import Figures
-from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
+from signorini_fx.solving.checkpointed_steps import Figures, MeshCheckpoint
 from signorini_fx.solving.load_steps import Marks, PathIncrements, Stepping
 from signorini_fx.tuned import ENCLOSED, FEW_NEWTON_ITERATIONS
 
