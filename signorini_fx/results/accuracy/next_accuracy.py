@@ -43,35 +43,6 @@ NAMES = {
 }
 
 
-def cost_of(
-    of: str,
-    error: float,
-    seconds: float,
-    dofs: int,
-    next_error: float,
-    next_seconds: tuple[float, float],
-    next_dofs: float,
-    command: str,
-    local: bool,
-) -> CostOfAccuracy:
-    """The cost with its statement: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0043."""
-    figures = 1 if next_error * 5 < error else 2  # a digit less
-    known = f"{100 * error:.2g} % error of {NAMES[of]} took {duration(seconds)}"
-    following = f"{100 * next_error:.{figures}g} %: {between(next_seconds)}{' with ' * bool(command)}{command}"
-    return CostOfAccuracy(
-        of=of,
-        error=error,
-        seconds=seconds,
-        dofs=dofs,
-        next_error=next_error,
-        next_seconds=list(next_seconds),
-        next_dofs=next_dofs,
-        command=command,
-        local=local,
-        statement=f"{known}; {following}{'' if local else ', all cells smaller'}",
-    )
-
-
 def between(seconds: tuple[float, float]) -> str:
     """A time that is known from and to, such as 3 to 6 s."""
     low, high = (duration(float(f"{value:.2g}")) for value in seconds)
@@ -137,9 +108,9 @@ def next_cost(
     *,
     able: bool = True,
 ) -> CostOfAccuracy:
-    """The forecast; ``solved``: unknowns and seconds of each mesh; ``starting``: the part of the last seconds that a
-    finer mesh takes no more of, such as that of compilation; ``able``: whether an accuracy can be requested;
-    collective.
+    """The forecast, such as: 3 % error of the stress took 0.4 s; 0.3 %: 0.5 to 2 s with --accuracy 0.0043; ``solved``:
+    unknowns and seconds of each mesh; ``starting``: the part of the last seconds that a finer mesh takes no more of,
+    such as that of compilation; ``able``: whether an accuracy can be requested; collective.
     """
     (dofs, last), following = solved[-1], NEXT_ERROR[tagged.dimension] * error
     refinement = next_refinement(statement, tagged, of, dofs, able=able)
@@ -152,8 +123,21 @@ def next_cost(
         command = f"Accuracy(target={target}{''.join(f', {key}={value!r}' for key, value in more.items())})"
     command = command if able else ""
     low, high = (starting + times * (last - starting) for times in refinement.times)
-    seconds = sum(seconds for _, seconds in solved)
-    return cost_of(of, error, seconds, dofs, following, (low, high), refinement.unknowns, command, refinement.local)
+    seconds, digits = sum(seconds for _, seconds in solved), 1 if following * 5 < error else 2  # a digit less
+    took = f"{100 * error:.2g} % error of {NAMES[of]} took {duration(seconds)}"
+    smaller = f"{100 * following:.{digits}g} %: {between((low, high))}{' with ' * bool(command)}{command}"
+    return CostOfAccuracy(
+        of=of,
+        error=error,
+        seconds=seconds,
+        dofs=dofs,
+        next_error=following,
+        next_seconds=[low, high],
+        next_dofs=refinement.unknowns,
+        command=command,
+        local=refinement.local,
+        statement=f"{took}; {smaller}{'' if refinement.local else ', all cells smaller'}",
+    )
 
 
 def local_meshes(dofs: float, degree: int, *, generated: bool, divided: bool = False) -> list[float]:
