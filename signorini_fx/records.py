@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -237,11 +237,6 @@ class Timings:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
-def as_rows(records: Sequence[Any]) -> list[dict[str, object]]:
-    """Records as dictionaries, in order, ready for CSV or JSON."""
-    return [asdict(record) for record in records]
-
-
 @dataclass(frozen=True)
 class StepRecord:
     """The beginning of a load step.
@@ -288,9 +283,6 @@ class History:
     late: bool = False
     step: int = 1
 
-    def __repr__(self) -> str:
-        return f"<History: {len(self.iterations)} linear solves, {len(self.outer)} problems>"
-
     @property
     def linear_solves(self) -> int:
         """Linear solves so far."""
@@ -305,12 +297,6 @@ class History:
     def exhausted(self) -> bool:
         """Whether neither linear solves nor time are left; collective."""
         return self.linear_solves >= self.limit or self.overdue()
-
-    def advice(self, status: Status) -> str:
-        """What to do about an outcome; of an accuracy that was not reached with the reason."""
-        short = status in SHORT_OF_ACCURACY
-        reasons = [event for event in self.events if event.startswith(ACCURACY)] if short else []
-        return "; ".join([status.advice, *(reason.removeprefix(ACCURACY) for reason in reasons[-1:])])
 
     @contextmanager
     def at_most(self, solves: float) -> Iterator[None]:

@@ -93,14 +93,9 @@ def global_bounds(comm: MPI.Comm, points: npt.NDArray[np.float64]) -> npt.NDArra
     return signs * largest_of_each(comm, signs * np.array([low, high]))
 
 
-def local_max(values: npt.NDArray[Any], default: float = 0.0) -> float:
-    """Largest entry of an array that may be empty (a rank without contact nodes)."""
-    return float(values.max()) if values.size else default
-
-
 def largest(comm: MPI.Comm, values: npt.NDArray[Any], default: float = 0.0) -> float:
     """Largest entry over the ranks of arrays, each of which may be empty: it then counts as ``default``."""
-    return global_max(comm, local_max(values, default))
+    return global_max(comm, values.max() if values.size else default)
 
 
 def largest_of_each(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -61,18 +61,14 @@ def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
         ValueError: a row has more or fewer entries than the header, or it is not a CSV file.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
-        reader = csv.reader(file)
-        rows: list[list[str]] = []
+        reader = csv.DictReader(file)
         try:
-            names = next(reader, [])
-            for row in reader:
-                if row and len(row) != len(names):
-                    raise ValueError(f"{path}, line {reader.line_num}: {len(row)} entries under {len(names)} names")
-                if row:
-                    rows.append(row)
+            names, rows = reader.fieldnames or (), [*reader]
         except csv.Error as error:
             raise ValueError(f"{path}, line {reader.line_num}: {error}") from None
-    return {name: _column(name, [row[k] for row in rows]) for k, name in enumerate(names)}
+    if any(None in row or None in row.values() for row in rows):
+        raise ValueError(f"{path}: a row has more or fewer entries than there are names")
+    return {name: _column(name, [row[name] for row in rows]) for name in names}
 
 
 def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:

@@ -23,7 +23,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.quantities.shown import marked_stress
 from signorini_fx.quantities.values import of_fields
-from signorini_fx.records import Finding, as_rows
+from signorini_fx.records import Finding
 from signorini_fx.results.fields import (
     FIELD_FILES,
     VTU,
@@ -169,7 +169,7 @@ class _Written:
 
         def write() -> None:
             for name, records in (("history", solution.history.iterations), ("outer", solution.history.outer)):
-                rows = as_rows(records)
+                rows = [asdict(record) for record in records]
                 if not steps:
                     rows = [{key: value for key, value in row.items() if key != "step"} for row in rows]
                 write_csv(part / f"{name}.csv", rows)
@@ -224,19 +224,10 @@ class _Written:
         def attempt() -> None:
             try:
                 write()
-            except Exception as error:  # matplotlib fails again on the file that a full disk has truncated
-                if (reason := _of_the_system(error)) is None:
-                    raise
-                raise cannot_be_written(self.folder.path, reason) from None
+            except OSError as error:
+                raise cannot_be_written(self.folder.path, error) from None
 
         parallel.on_root(self.solution.comm, attempt)
-
-
-def _of_the_system(error: BaseException | None) -> OSError | None:
-    """The original error of the system behind later ones; None: there is none."""
-    while error is not None and not isinstance(error, OSError):
-        error = error.__cause__ or error.__context__
-    return error
 
 
 def for_json(value: Any) -> Any:

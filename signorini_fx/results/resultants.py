@@ -11,7 +11,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.machine.display import clean, html_table
+from signorini_fx.machine.display import clean
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, node_positions
 from signorini_fx.mechanics.contact_points.contact_boundary import unit_contact_form
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -115,14 +115,6 @@ class Resultants:
     contact: ContactState | None
     conditions: ContactConditions | None
     acting: ActingForces
-
-    def __repr__(self) -> str:
-        return f"<Resultants: {', '.join(self._names)}; of(boundary), body_force(), every()>"
-
-    def _repr_html_(self) -> str:
-        """A table for notebooks; collective."""
-        rows = [[str(value) for value in row.values()] for row in self.as_rows()]
-        return html_table(("boundary", "acts", "force", "moment", "about", "acts at"), rows, "resultants on the body")
 
     def of(self, boundary: str, about: npt.ArrayLike | None = None) -> Resultant:
         """What acts through a named boundary; zero where nothing does; collective.

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 import signorini_fx
 from signorini_fx.errors import SignoriniError
-from signorini_fx.extensions import LINEAR_SOLVERS, add_on, is_of_package, names_of
+from signorini_fx.extensions import LINEAR_SOLVERS, add_on, names_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import html_table
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -22,7 +22,7 @@ from signorini_fx.mechanics.contact_points.contact_table import ContactTable, co
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.load_path import factor_at
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.records import SHORT_OF_ACCURACY, Finding, History, Status, Timings
+from signorini_fx.records import ACCURACY, SHORT_OF_ACCURACY, Finding, History, Status, Timings
 from signorini_fx.results.accuracy.next_accuracy import NAMES, next_cost
 from signorini_fx.results.certificate.certificate import Certificate, another_law
 from signorini_fx.results.contact_fields import BoundaryFields, boundary_fields
@@ -48,8 +48,6 @@ _RAN_AWAY = (
     "the displacement that was tried is far beyond small strains, as where all of a section yields and carries no "
     "larger load: take smaller load steps, prescribe a displacement where a force acts, or take a material that hardens"
 )
-# Those that a law or a material of a user's own may be the reason of.
-_BY_OWN_CODE = (Status.NOT_FINITE, Status.NOT_CERTIFIED)
 
 
 @dataclass(frozen=True, repr=False)
@@ -164,10 +162,9 @@ class Solution:
             return f"the linear solver {name!r} of another package does not solve: take 'auto', 'full' or 'krylov'"
         if self.status is Status.INVERTED and not any(material.finite for material in self.statement.material):
             return _RAN_AWAY
-        advice = self.history.advice(self.status)
-        if self.status in _BY_OWN_CODE and (own := self._own_code):
-            return f"{advice}; it may also be that {' or '.join(own)} contradicts itself where it was not tried"
-        return advice
+        short = self.status in SHORT_OF_ACCURACY
+        reasons = [event for event in self.history.events if event.startswith(ACCURACY)] if short else []
+        return "; ".join([self.status.advice, *(reason.removeprefix(ACCURACY) for reason in reasons[-1:])])
 
     @property
     def _factors_held(self) -> str:
@@ -180,14 +177,6 @@ class Solution:
         }
         growing = [f"{held:.4g} times {path}" for path, (held, failed) in factors.items() if held != failed]
         return f" ({', '.join(growing)})" if growing else ""
-
-    @property
-    def _own_code(self) -> list[str]:
-        """The laws, materials, shapes, effects and kinematics of other packages."""
-        statement = self.statement
-        used = [entry for _, entry in statement.listed()] + [statement.kinematics]
-        used += [part for entry in statement.contact for part in (entry.friction, entry.foundation) if part is not None]
-        return list(dict.fromkeys(type(entry).__name__ for entry in used if not is_of_package(type(entry))))
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:

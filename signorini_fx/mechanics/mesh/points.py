@@ -55,7 +55,7 @@ def at_points(
     """
     comm, dim = mesh.comm, mesh.topology.dim
     nodes = _nodes(mesh)
-    reach = outside * parallel.local_max(_sizes(nodes))
+    reach = outside * _sizes(nodes).max(initial=0.0)
     low, high = nodes.min(axis=(0, 1), initial=np.inf) - reach, nodes.max(axis=(0, 1), initial=-np.inf) + reach
     asked = [
         np.flatnonzero(((x[:, :dim] >= low) & (x[:, :dim] <= high)).all(axis=1))

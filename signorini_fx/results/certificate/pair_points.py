@@ -122,7 +122,7 @@ class PairPoints:
             balanced = facing & ~(abs(operator) @ np.repeat(in_plane, dim)).reshape(-1, dim).any(axis=1)
         errors += [_largest(part.sum(axis=1)[facing] - 1.0) for part in (self.slave, self.master)]
         total = float(parallel.global_sum(comm, weight.sum()))
-        errors += [abs(total / covered - 1.0), parallel.local_max(-weight, -np.inf) / covered]
+        errors += [abs(total / covered - 1.0), np.max(-weight, initial=-np.inf) / covered]
         middle = (x.min(axis=0) + x.max(axis=0)) / 2
         # Translations, and rotations that move the ends of the sides by about one.
         for number, motion in enumerate(rigid_modes(x, middle, np.array(_size_of(x))).transpose(2, 0, 1)):
