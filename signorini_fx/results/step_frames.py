@@ -30,20 +30,13 @@ class StepEnd:
     """The end of a step of a loop, in the frames that its foundations had then.
 
     Every solve of the next step starts from this end, wherever the foundations of the solves before it were.
-
-    Attributes:
-        start: of the next step.
-        rest: the reference motion from which displacements are counted; None: from the initial position.
-        normal: displacement along the normals, length, shape (n,).
-        boundary: the contact points.
-        before: the same as the certificate sees it.
     """
 
-    start: Start
-    rest: ReferenceMotion | None
-    normal: Array
-    boundary: ContactBoundary
-    before: PreviousStep
+    start: Start  # of the next step
+    rest: ReferenceMotion | None  # from which displacements are counted; None: from the initial position
+    normal: Array  # displacement along the normals, length, shape (n,)
+    boundary: ContactBoundary  # the contact points
+    before: PreviousStep  # the same as the certificate sees it
 
     @classmethod
     def of(

@@ -1,8 +1,6 @@
 """The stress of a solution: its tensor, the von Mises stress, principal stresses, and where they are largest.
 
-There are two of it: the raw stress of each cell, and the recovered one, which is continuous in each material.  Their
-difference says what both are worth.  Of nonlinear bodies nothing is recovered; their extremes are those at the points
-of quadrature, where the material is.
+Of nonlinear bodies nothing is recovered; their extremes are those at the points of quadrature, where the material is.
 """
 
 from __future__ import annotations
@@ -64,11 +62,6 @@ class StressFields:
     """
 
     stress: ElementStress
-
-    def __repr__(self) -> str:
-        fields = "tensor, von_mises, principal, shear_energy_density, component(), largest(), smallest()"
-        dofs = self.stress.displacement.function_space.dofmap
-        return f"<{type(self).__name__} of {dofs.index_map.size_global * dofs.index_map_bs} unknowns: {fields}>"
 
     @property
     def comm(self) -> MPI.Comm:
@@ -156,22 +149,34 @@ class StressFields:
         if field not in ("von_mises", "principal", *COMPONENTS):
             known = f"'von_mises', 'principal' or one of {', '.join(COMPONENTS)}"
             raise ValueError(f"{field!r} is no field with extremes: take {known}")
-        sampled = self._sampled()
+        sampled, *_ = self._samples()
         if field in COMPONENTS:
             values = sampled[:, *COMPONENTS[field]]
         else:
             values = von_mises_of(sampled) if field == "von_mises" else principal_of(sampled)[:, component]
         return self._extreme_of(values, sign)
 
-    def _sampled(self) -> Nodal:
-        """The tensor where extremes are sought, shape (n, 3, 3)."""
-        return self._nodal()[: self.tensor.function_space.dofmap.index_map.size_local]
-
-    def _extreme_of(self, values: Nodal, sign: float = 1.0) -> Extreme:
-        """Of values at the same points; collective."""
+    def _samples(self) -> tuple[Nodal, Nodal, Callable[[int], Any]]:
+        """The tensor where extremes are sought, shape (n, 3, 3), these places, and the local number of a cell there."""
         space = self.tensor.function_space
         x, cells = node_positions(space)[:, : space.mesh.topology.dim], space.dofmap.list
-        return extreme_at(space.mesh, values, x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0], sign)
+        owned = space.dofmap.index_map.size_local
+        return self._nodal()[:owned], x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0]
+
+    def _extreme_of(self, values: Nodal, sign: float = 1.0) -> Extreme:
+        """The largest of values at the same points, or with ``sign`` -1 the smallest, and where; those that are not
+        finite do not count; collective.
+        """
+        (_, x, cell_of), topology = self._samples(), self.tensor.function_space.mesh.topology
+        values = np.where(np.isfinite(values), sign * values, -np.inf)
+        at = int(values.argmax()) if values.size else 0
+        local_extreme = float(values[at]) if values.size else -np.inf
+        best, rank = self.comm.allreduce((local_extreme, -self.comm.rank), op=MPI.MAX)
+        where: tuple[tuple[float, ...], int] = (), -1
+        if -rank == self.comm.rank and values.size:
+            cell = topology.index_map(topology.dim).local_to_global(np.array([cell_of(at)], dtype=np.int32))
+            where = tuple(map(float, x[at])), int(cell[0])
+        return Extreme(sign * best, *self.comm.bcast(where, root=-rank))
 
     def utilised(self, limit: fem.Function) -> Extreme:
         """Where the von Mises stress is the largest share of a limit; ``limit``: a stress of each cell, a function of
@@ -200,19 +205,13 @@ class StressFields:
 class PointStress:
     """The Cauchy stress of nonlinear materials at the points of quadrature of the cells that this rank owns; at small
     strains the stress.
-
-    Attributes:
-        points, weights: of the reference cell, shapes (q, t) and (q,).
-        x: undeformed, length, shape (c, q, t).
-        stress: tension positive, shape (c, q, 3, 3).
-        plastic: the accumulated plastic strain, shape (c, q); None: there is none.
     """
 
-    points: Nodal
-    weights: Nodal
-    x: Nodal
-    stress: Nodal
-    plastic: Nodal | None = None
+    points: Nodal  # of the reference cell, shape (q, t)
+    weights: Nodal  # shape (q,)
+    x: Nodal  # undeformed, length, shape (c, q, t)
+    stress: Nodal  # tension positive, shape (c, q, 3, 3)
+    plastic: Nodal | None = None  # the accumulated plastic strain, shape (c, q); None: there is none
 
     def on_cells(self, values: Nodal, mesh: dmesh.Mesh, degree: int, name: str) -> fem.Function:
         """The polynomials in cells that are nearest to values at the points, of numbers, shape (c, q), no less or more
@@ -298,14 +297,11 @@ class RawStresses(StressFields):
             values[nodes[cells]] = tensors(components, self.stress.kinematics.stressed)
         return StressFields(replace(self.stress, in_space=tensor))
 
-    def _sampled(self) -> Nodal:
-        return super()._sampled() if self.at_points is None else self.at_points.stress.reshape(-1, 3, 3)
-
-    def _extreme_of(self, values: Nodal, sign: float = 1.0) -> Extreme:
+    def _samples(self) -> tuple[Nodal, Nodal, Callable[[int], Any]]:
         if self.at_points is None:
-            return super()._extreme_of(values, sign)
-        x, mesh = self.at_points.x, self.tensor.function_space.mesh
-        return extreme_at(mesh, values, x.reshape(-1, x.shape[2]), lambda at: at // x.shape[1], sign)
+            return super()._samples()
+        x, tensors_there = self.at_points.x, self.at_points.stress.reshape(-1, 3, 3)
+        return tensors_there, x.reshape(-1, x.shape[2]), lambda at: at // x.shape[1]
 
     @cached_property
     def error(self) -> float | None:
@@ -380,22 +376,6 @@ def principal_of(sigma: Nodal) -> Nodal:
     values = np.full((len(sigma), 3), np.nan)
     values[finite] = np.linalg.eigvalsh(sigma[finite])[:, ::-1]
     return values
-
-
-def extreme_at(mesh: dmesh.Mesh, values: Nodal, x: Nodal, cell_of: Callable[[int], Any], sign: float) -> Extreme:
-    """The largest of some values, or with ``sign`` -1 the smallest, and where; ``cell_of``: gives the local number of
-    the cell of one of them; those that are not finite do not count; collective.
-    """
-    comm, cells = mesh.comm, mesh.topology.index_map(mesh.topology.dim)
-    values = np.where(np.isfinite(values), sign * values, -np.inf)
-    at = int(values.argmax()) if values.size else 0
-    local_extreme = float(values[at]) if values.size else -np.inf
-    best, rank = comm.allreduce((local_extreme, -comm.rank), op=MPI.MAX)
-    where: tuple[tuple[float, ...], int] = (), -1
-    if -rank == comm.rank and values.size:
-        cell = np.array([cell_of(at)], dtype=np.int32)
-        where = tuple(map(float, x[at])), int(cells.local_to_global(cell)[0])
-    return Extreme(sign * best, *comm.bcast(where, root=-rank))
 
 
 def part_of(model: Model, cell: int, parts: Sequence[str | None]) -> str | None:

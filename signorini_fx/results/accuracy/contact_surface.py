@@ -33,21 +33,13 @@ _PIECES = {
 
 @dataclass(frozen=True)
 class ContactSurface:
-    """The pieces, k corners each, 3 or 4.
+    """The pieces, k corners each, 3 or 4."""
 
-    Attributes:
-        x: position of the nodes, length, shape (rows, 3).
-        corners: the rows of the contact table at the corners of each piece, around it, shape (pieces, k).
-        per_facet: how many pieces a facet has; those of one facet follow each other.
-        facets: which facets of the table have pieces: between two bodies those whose nodes all carry a point.
-        count: of all facets of the table.
-    """
-
-    x: Floats
-    corners: Ints
-    per_facet: int
-    facets: Ints
-    count: int
+    x: Floats  # position of the nodes, length, shape (rows, 3)
+    corners: Ints  # the rows of the contact table at the corners of each piece, around it, shape (pieces, k)
+    per_facet: int  # how many pieces a facet has; those of one facet follow each other
+    facets: Ints  # which facets of the table have pieces: between two bodies those whose nodes all carry a point
+    count: int  # of all facets of the table
 
     @classmethod
     def of(cls, table: ContactTable) -> ContactSurface:
