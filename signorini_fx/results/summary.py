@@ -272,12 +272,13 @@ def post_processing(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]]
         result = state()
     except Exception as raised:
         error = raised
-    everybody = apart.Ibarrier()
-    if error is None:
-        everybody.Wait()
-    elif not _ends(everybody):
-        error.add_note(f"The results are written, without this: {subject}.")
-        raise error
+    everybody, end = apart.Ibarrier(), time.monotonic() + ERROR_PATIENCE
+    while error is not None and not everybody.Test():
+        if time.monotonic() > end:
+            error.add_note(f"The results are written, without this: {subject}.")
+            raise error
+        time.sleep(0.01)
+    everybody.Wait()  # without an error for as long as it takes
     reasons = apart.allgather(None if error is None else failure_in_words(error))
     apart.Free()
     reason = next((known_reason for known_reason in reasons if known_reason is not None), None)
@@ -286,16 +287,6 @@ def post_processing(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]]
     message = f"was not computed, which changes nothing in the other results: {reason}"
     findings.append(asdict(Finding("warning", subject, message)))
     return None
-
-
-def _ends(request: MPI.Request) -> bool:
-    """Whether all ranks get there while this one has patience."""
-    end = time.monotonic() + ERROR_PATIENCE
-    while not request.Test():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.01)
-    return True
 
 
 def failure_in_words(error: Exception) -> str:

@@ -256,21 +256,12 @@ def _equilibrium_of(body: Model, number: int, contact: Reactions | None, loads: 
             when = f"{'load step' if statement.load_steps.steps is None else 'factor'} {steps[0]}: "
         status, motion = next(way for way in away if way is not None)
         names = names_of(free @ motion[:, None], motions, members, one_way=True)
-        message = f"{when}{status.value}{of_it}: the loads move it by {names}; {status.advice}{_provided(body)}"
+        message = f"{when}{status.value}{of_it}: the loads move it by {names}; {status.advice}"
+        if body.law is not None and body.law.unknown:
+            message += f"; {body.law.unknown}, which was tried at samples of the pressure"
         return Finding("warning", statement.forces_at, message)
     text = f"the supports do not hold {names_of(free, motions, members)}: contact must"
     return Finding("note", "displacement", f"{subject}: {text}" if several else text)
-
-
-def _provided(body: Model) -> str:
-    """What a proof that friction cannot hold a body rests on where a law of a user's own has said it."""
-    if body.law is None or not body.law.laws:
-        return ""
-    known = f"; {body.law.unknown}" if body.law.unknown else ""
-    return (
-        f"{known}, provided that this bound is nowhere larger than the law says, which was tried at samples of the "
-        "pressure"
-    )
 
 
 # --- results ----------------------------------------------------------------------------------------------------------

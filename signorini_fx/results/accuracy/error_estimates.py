@@ -76,15 +76,9 @@ def estimate_errors(
 def combined(
     model: Model, table: ContactTable, recovery: Floats, energy: float, missed: Floats | float = 0.0
 ) -> Errors:
-    """All error estimates from those in the body; collective.
-
-    Args:
-        model: the body.
-        table: its contact boundary.
-        recovery: squared error of the displacement in the energy norm, of a nonlinear body that of the stress over its
-            square, of each owned cell, shape (cells,).
-        energy: strain energy of the solution, 1/2 of a nonlinear body.
-        missed: share of all forces that is missed in each owned cell, shape (cells,).
+    """All error estimates from those of each owned cell, shape (cells,): ``recovery``: the squared error in the energy
+    norm, of a nonlinear body that of the stress over its square; ``energy``: strain energy, 1/2 of a nonlinear body;
+    ``missed``: share of all forces; collective.
     """
     boundary = model.boundary
     assert boundary is not None
@@ -100,20 +94,17 @@ def combined(
     if energy > 0:
         body[:] = recovery / size
     loads, error = total(missed), float(np.sqrt(total(body)))
-    contact, pressed = np.zeros_like(body), pressure_square(table)
+    contact, top, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0 and table.facets is None:
         np.add.at(contact, cells, on_facets(boundary, table, interval_squares(table, model.kinematics)) / pressed)
+        rows = np.append(corner_rows(table), np.argmax(table.columns["pressure"]))
+        np.add.at(top, cells, total(contact) * on_facets(boundary, table, beside(table, rows)))
     elif pressed > 0:
         surface = ContactSurface.of(table)
         np.add.at(contact, cells, surface.of_rank(boundary, surface.squares(table.columns["pressure"])) / pressed)
-    local = total(contact)
-    top: Floats = np.zeros_like(body)
-    if pressed > 0 and table.facets is None:
-        rows = np.append(corner_rows(table), np.argmax(table.columns["pressure"]))
-        np.add.at(top, cells, local * on_facets(boundary, table, beside(table, rows)))
     return Errors(
         energy=error + loads,
-        pressure=float(np.hypot(np.sqrt(local), error**2)) + loads if pressed > 0 else None,
+        pressure=float(np.hypot(np.sqrt(total(contact)), error**2)) + loads if pressed > 0 else None,
         loads=loads,
         size=float(np.sqrt(size)),
         pressed=float(np.sqrt(pressed)),

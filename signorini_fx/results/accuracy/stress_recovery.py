@@ -239,18 +239,10 @@ def squared_residual(
     of: Callable[[npt.NDArray[np.int64], Any], tuple[Any, list[Any], bool]],
     z: Any,
 ) -> Any:
-    """The squared residual of the traction on the boundary, times h over the stiffness, of each cell; collective.
-
-    Args:
-        stress: of the displacement that is estimated.
-        facets: the facets of this rank on which the traction is known.
-        on: what acts on each of them, shape (facets, k).
-        of: (which of the k act, minus the traction of the stress) -> what is left of it, distances from what is
-            prescribed, and whether any of these varies within a facet.
-        z: test function, constant in each cell.
-
-    Returns:
-        The form; None where there is no such boundary.
+    """The form of the squared residual of the traction, times h over the stiffness, of each cell, on ``facets``, where
+    it is known; None: there are none; ``on``: what acts on each of them, shape (facets, k); ``of``: (which of the k
+    act, minus the traction of the stress) -> what is left of it, distances from what is prescribed, and whether any of
+    these varies within a facet; ``z``: test function, constant in each cell; collective.
     """
     space = stress.displacement.function_space
     mesh, degree = space.mesh, space.element.basix_element.degree
