@@ -1,4 +1,1 @@
-"""The machine: ranks, the launcher, versions and requirements, the terminal, the compiler, and files in text.
-
-These modules do not know what is solved, or how.
-"""
+"""Ranks, versions, the terminal, the compiler, and files in text: modules that do not know what is solved."""

@@ -1,10 +1,8 @@
 """Result folders: written completely or not at all, by one run at a time.
 
 Everything is written into a hidden folder inside the result folder and moved into place at the end, summary.json last:
-a folder has a result if and only if it has summary.json.  What is only said about the result comes later, and its
-summary says what is still missing.  A run that is killed leaves its hidden folder behind, which the next run removes.
-Of what is in the folder only those files are replaced or removed that its manifest lists; if something else is in the
-way, the folder is refused from the beginning.
+a folder has a result if and only if it has summary.json.  A run that is killed leaves its hidden folder behind, which
+the next run removes.  Only those files are replaced or removed that the manifest of the folder lists.
 """
 
 from __future__ import annotations

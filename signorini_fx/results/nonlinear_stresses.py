@@ -1,9 +1,8 @@
 """The forces on the nodes of bodies of nonlinear materials, and their Cauchy stress, from their states and their UFL.
 
-Of materials with a state that of the load step before is given, and updated here.  The stress is evaluated at the
-points of quadrature, where the material is; extremes are those of these points.  The fields are polynomials of degree
-k - 1 in each cell of degree k, the nearest ones to the values at its points: those of a higher degree would leave the
-yield surface at the nodes.
+The stress is evaluated at the points of quadrature, where the material is.  The fields are polynomials of degree k - 1
+in each cell of degree k, the nearest ones to the values at its points: those of a higher degree would leave the yield
+surface at the nodes.
 """
 
 from __future__ import annotations

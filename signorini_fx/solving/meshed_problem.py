@@ -1,8 +1,5 @@
-"""A problem on one mesh after another, as nested iteration and a requested accuracy ask of it; nested iteration: the
-contact state of a coarse mesh starts the iteration on the next finer one.
-
-The semi-smooth Newton method has to find the active sets, and these hardly depend on the mesh: a node of the fine mesh
-starts in the set of its coarse neighbours.  On every mesh but the coarsest only a few linear solves remain.
+"""A problem on one mesh after another, as nested iteration and a requested accuracy ask of it; nested iteration: a node
+of the fine mesh starts in the active set of its coarse neighbours, so that only a few linear solves remain there.
 """
 
 from __future__ import annotations

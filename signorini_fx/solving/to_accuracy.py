@@ -1,8 +1,7 @@
 """Solution to a given accuracy: which mesh comes next, with which gamma, and when the accuracy is reached.
 
-The solve on every mesh starts from the contact state of the previous one, and estimates the error.  The next mesh is
-only as fine as needed: uniform refinement uses the rate at which the error decreases, adaptive refinement the share of
-the squared error that has to be removed.
+The next mesh is only as fine as needed: uniform refinement uses the rate at which the error decreases, adaptive
+refinement the share of the squared error that has to be removed.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
-"""The convergence table: one row for each mesh of a nested iteration, with its errors and its cost, and one for the
-next.
+"""The convergence table: a row for each mesh of a nested iteration, with its errors and its cost, and one for the next.
 
-It needs no solves beyond those of the nested iteration.  The error of the displacement in the energy norm is estimated
-on every mesh by stress recovery, that of the contact pressure by its kinks at the nodes, that of the ends of its zones
-by the intervals in which they are; errors of contact force and largest pressure by the changes from the previous
-meshes, extrapolated; the regularisation error by the dependence on gamma; that of the iteration by its last residual or
-change.
+It needs no further solves: errors are estimated on each mesh, those of forces and largest pressures by changes from the
+previous meshes, extrapolated.
 """
 
 from __future__ import annotations
@@ -61,14 +57,9 @@ def expected_rates(degree: int) -> dict[str, float]:
 def convergence_table(
     levels: list[LevelResult], base_memory: float, *, rates: Mapping[str, float] = EXPECTED_RATES, uniform: bool = True
 ) -> list[Price]:
-    """The rows for the meshes that were solved, coarsest first, and one for the next.
-
-    Args:
-        levels: the solved meshes; at least two.
-        base_memory: memory before the first mesh, MB.
-        rates: how the errors are expected to decrease with h.
-        uniform: whether each mesh is finer than the previous one everywhere, and by about the same factor.  Otherwise
-            the change from mesh to mesh is no error: where nothing was divided nothing changes.
+    """The rows for the meshes that were solved, at least two, coarsest first, and one for the next; ``base_memory``:
+    before the first mesh, MB; ``rates``: how the errors are expected to decrease with h; ``uniform``: whether each mesh
+    is finer than the previous one everywhere, and by about the same factor, else changes between meshes are no errors.
     """
     rows = []
     for index, level in enumerate(levels):

@@ -1,15 +1,10 @@
 """The errors of the contact pressure: along a curve in L2(Gamma_c) from its kinks at the nodes, and of the largest one
 from its changes from mesh to mesh.
 
-Between the nodes the pressure is linear.  The change of its slope at the nodes indicates its error, in smooth parts as
-well as at the ends of the contact zones.  At a corner of the body the stress may be singular, the pressure like
-r^(a - 1) with 1/2 < a < 1: then nearly all of the error is in the one interval at the corner.  There the pressure is
-convex; at a plane of symmetry or an axis, which is no corner, it is concave.
-
-The largest nodal pressure converges with the rate of ``EXPECTED_RATES``, or with that of its last two changes if it is
-smaller, at least half of it.  As a change may be small by chance, earlier ones count as well.  At a singular corner the
-pressure grows with every refinement, and on some mesh it exceeds every other one.  So the corners in contact are
-followed, too.  In 3D the largest pressure on the rim of the contact boundary stands for all of them.
+At a corner of the body the stress may be singular, the pressure like r^(a - 1) with 1/2 < a < 1: then nearly all of the
+error is in the one interval at the corner.  There the pressure is convex; at a plane of symmetry or an axis, which is
+no corner, it is concave.  It grows with every refinement, and on some mesh exceeds every other one: so the corners in
+contact are followed beside the largest pressure, in 3D the largest one on the rim of the contact boundary.
 """
 
 from __future__ import annotations
