@@ -1,8 +1,5 @@
 """The loop over load steps of every kind of body; of a linear one the increments of a ramp, the attempts at each load
-step, and what the checkpoint has of it.
-
-It knows neither scenes nor forms: each has a ``SteppedBody`` of its own.  That no load beyond a limit can be held is
-proved by statics, see ``algebra.contact.statics``.
+step, and what the checkpoint has of it.  Scenes and forms have each a ``SteppedBody`` of their own.
 """
 
 from __future__ import annotations
@@ -332,9 +329,17 @@ class StepProgress(Stepping[LoadStep]):
         self.end = StepEnd.of(step.task, *solved, step.last, result.tools)
         self.body = self.body.ended(self.end)
 
-    def _begun(self, path_step: float) -> BegunStep:
-        begun = self.body.begun(path_step, self.task, self.first, self.end)
-        return replace(begun, start=_with_overclosures(begun.body.model, begun.start))
+    def _begun(self, place: float) -> BegunStep:
+        """The next load step with its loads; points of soft contact have the stiffness of their law for gamma_n."""
+        begun = self.body.begun(place, self.task, self.first, self.end)
+        model, start, laws = begun.body.model, begun.start, overclosures_of(begun.body.model.statement)
+        if model.boundary is not None and laws:
+            share = np.ones(model.boundary.size)
+            for number, law in laws.items():
+                share[model.boundary.part == number] = law.stiffness / start.data.gamma_n
+            start = replace(start, data=replace(start.data, share=share))
+        factors = model.load(begun.task.system, place)
+        return replace(begun, start=replace(start, place=place, factors=factors, several=self.body.path.several))
 
     def solved(self) -> LoadStep | None:
         history, path, newton = self.task.history, self.path, self.task.newton
@@ -358,21 +363,18 @@ class StepProgress(Stepping[LoadStep]):
         history, steps, place = self.task.history, self.body.path, self.path.next
         solves_before = history.linear_solves
         begun = self._begun(place)
-        factors = begun.body.model.load(begun.task.system, place)
-        start = replace(begun.start, place=place, factors=factors, several=steps.several)
+        model, start, allowed = begun.body.model, begun.start, self.path.allowed
         if steps.several:
             history.add(StepRecord(start.step + 1, steps.name_at(place), steps.time_at(place)))
-        model, allowed = begun.body.model, self.path.allowed
         reason: Finding | None = None
         with begun.body.timings.phase("iterate"):
             if model.statement.tightens(place):
                 from signorini_fx.solving.bolt_preloads import solve_tightened
 
                 model, start, outcome, reason = solve_tightened(model, begun.task, start, allowed)
-                begun = replace(begun, body=replace(begun.body, model=model))
+                begun = replace(begun, body=replace(begun.body, model=model), start=start)
             else:
                 outcome = solve_task(begun.task, start, allowed)
-        begun = replace(begun, start=start)
         if reason is None:
             from signorini_fx.solving.findings import explained
 
@@ -404,10 +406,9 @@ class StepProgress(Stepping[LoadStep]):
                 from signorini_fx.solving.bolt_preloads import with_shortenings
 
                 model = with_shortenings(model, place, figures["shortenings"])
-            body = replace(begun.body, model=model)
-            start = replace(begun.start, place=place, factors=model.load(begun.task.system, place))
-            begun = replace(begun, body=body, start=start)
-            outcome = checkpoint.recall(model, model.tagged.size, begun.task, start)
+                start = replace(begun.start, factors=model.factors(place))
+                begun = replace(begun, body=replace(begun.body, model=model), start=start)
+            outcome = checkpoint.recall(model, model.tagged.size, begun.task, begun.start)
         if outcome is None:
             return None
         step = begun.certified(outcome)
@@ -421,17 +422,6 @@ class StepProgress(Stepping[LoadStep]):
         step = replace(step, result=replace(step.result, linear_solves=self.path.last))
         self._take(step)
         return step
-
-
-def _with_overclosures(model: SolidBody, start: Start) -> Start:
-    """The start where points of soft contact have the stiffness of their law in place of gamma_n."""
-    laws = overclosures_of(model.statement)
-    if model.boundary is None or not laws:
-        return start
-    share = np.ones(model.boundary.size)
-    for number, law in laws.items():
-        share[model.boundary.part == number] = law.stiffness / start.data.gamma_n
-    return replace(start, data=replace(start.data, share=share))
 
 
 def _marks(history: History) -> Marks:
