@@ -91,16 +91,8 @@ class BoundaryFields(ContactFields):
 def boundary_fields(
     space: fem.FunctionSpace, state: ContactState, facets: Sequence[npt.NDArray[np.int32]], number: int | None
 ) -> BoundaryFields:
-    """The fields of a state on a mesh of its contact boundaries; collective.
-
-    Args:
-        space: of the displacement.
-        state: at the contact points.
-        facets: of each contact, those whose cell this rank owns, local numbers; of pairs on the side with the points.
-        number: the contact; None: all of them, of which at a node of two the later one counts.
-
-    Raises:
-        ValueError: there is no such contact.
+    """The fields of a state on a mesh of its contact boundaries, see ``Solution.boundary_fields``; ``facets``: of each
+    contact, those whose cell this rank owns, local numbers; of pairs on the side with the points; collective.
     """
     if number is not None and not 0 <= number < len(facets):
         raise ValueError(f"number: must be from 0 to {len(facets) - 1}, the contacts in their order, got {number}")

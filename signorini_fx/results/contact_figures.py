@@ -108,12 +108,8 @@ def _largest_along(tangents: Array, bound: Array, resultant: Array, comm: MPI.Co
 
 def friction_used(model: Model, contact: ContactState, step: float) -> float | None:
     """The share of its friction that the loads of a solution use: with friction bounds as they are, the nodes in
-    contact balance the loads up to 1 / share of their size; of several bodies the largest; collective.
-
-    It sets no limit, because pressures and friction bounds change with the loads.
-
-    Returns:
-        None without friction, or if supports hold the body.
+    contact balance the loads up to 1 / share of their size; of several bodies the largest; None without friction, or if
+    supports hold the body; collective.
     """
     if not model.motions.free.shape[1] or not model.applied or not contact.has_friction:
         return None
@@ -142,10 +138,9 @@ def load_on(model: Model, step: float) -> Nodal:
 def section_forces(
     statement: Statement, tagged: TaggedMesh, displacement: fem.Function, step: float
 ) -> list[SectionForce]:
-    """The force through each section that a scene shortens; collective.
-
-    With the jump J of a shortening of one, which is that of the cells beyond the section alone, it is the work of the
-    stress there on J without that of the loads in these cells, a tension.  Loads on their surface do not count.
+    """The force through each section that a scene shortens, a tension: with the jump J of a shortening of one, which is
+    that of the cells beyond the section alone, the work of the stress there on J without that of the loads in these
+    cells; loads on their surface do not count; collective.
     """
     from signorini_fx.results.certificate.nodal_forces import NodalForces
 

@@ -30,15 +30,8 @@ class ResultFolder:
 
     The claim is a lock on the folder itself, which the system releases when the process ends in any way.  Used as a
     context, it removes at its end what was written after the last ``commit`` or ``add``, and releases the folder.
-
-    Args:
-        comm: the ranks of the run.
-        path: made if it does not exist.
-        names: the files and folders that the run may write.
-
-    Attributes:
-        part: where to write what ``commit`` or ``add`` will move into place.
-        committed: whether there is a result of this run.
+    ``names``: the files and folders that the run may write; ``part``: where to write what ``commit`` or ``add`` will
+    move into place; ``committed``: whether there is a result of this run.
 
     Raises:
         OutputError: the folder cannot be written, another run is writing it, or there are files at these names that

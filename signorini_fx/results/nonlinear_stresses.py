@@ -42,10 +42,8 @@ Path = Sequence[tuple[fem.Function, float]]
 
 
 class NonlinearForces(NodalForces):
-    """Forces on the nodes of a body of nonlinear materials, see ``NodalForces``, and the stress of its load steps.
-
-    The states of materials follow from the displacements.  Kept are those of the load step that was evaluated last: the
-    states of all of them would take many times the memory of the displacements.
+    """Forces on the nodes of a body of nonlinear materials, see ``NodalForces``, and the stress of its load steps; kept
+    are the states of the last one alone: those of all would take many times the memory of the displacements.
     """
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
@@ -92,9 +90,8 @@ class NonlinearForces(NodalForces):
         self._path = tuple(path)
 
     def stress_after(self, path: Path) -> PointStress:
-        """The Cauchy stress at the points of quadrature at the end of load steps; collective.
-
-        A mean stress that is integrated with fewer points is the polynomial through them.
+        """The Cauchy stress at the points of quadrature at the end of load steps; a mean stress that is integrated with
+        fewer points is the polynomial through them; collective.
         """
         self._go_through(path[:-1])
         self._move_to(*path[-1])

@@ -191,17 +191,11 @@ def _along(boundary: ContactBoundary, moved: Array | None) -> Any:
 
 
 def rotations(earlier: Array, later: Array, spin: Array | None = None) -> Array:
-    """The least rotation that takes each normal to a later one, shape (n, d, d).
+    """The least rotation that takes each normal to a later one, unit vectors of shape (n, d), shape (n, d, d).
 
-    A shear that turns with the plane that it is in keeps its size, however far that turns.  The least rotation has no
-    part about the normal; where the foundation has one, the shear turns with it.  So the motion of body and foundation
-    as one changes nothing.
-
-    Args:
-        earlier: unit vectors, shape (n, d).
-        later: unit vectors, shape (n, d).
-        spin: the rotation of the foundation of each point, shape (n, d, d), less directions in which there is no shear
-            any more; None: it counts for nothing.
+    It has no part about the normal; where the foundation has one, the shear turns with it, so that the motion of body
+    and foundation as one changes nothing: ``spin`` is the rotation of the foundation of each point, shape (n, d, d),
+    less directions in which there is no shear any more; None: it counts for nothing.
     """
     if spin is not None:
         earlier = np.einsum("nij,nj->ni", spin, earlier)

@@ -46,19 +46,10 @@ _ABSENT = "(absent)"
 
 
 class MeshCheckpoint:
-    """The checkpoint of a run; every method is collective but ``recall_history``.
-
-    Args:
-        comm: the ranks of the run.
-        folder: the result folder.
-        scene: the scene of the run, or plain data that tell this run from others.
-        history: of the run, in which stands what there is to go on from.
-        restart: whether to go on from the load steps that an earlier run has left; otherwise these are removed as soon
-            as a new one is complete.
-
-    Attributes:
-        path: where the load steps are.
-        level: number of the mesh that load steps are of.
+    """The checkpoint of a run in its result folder, now on the mesh with the number ``level``; every method is
+    collective but ``recall_history``.  ``scene``: that of the run, or plain data that tell it from others;
+    ``restart``: whether to go on from the load steps that an earlier run has left, which the history says; otherwise
+    these are removed as soon as a new one is complete.
 
     Raises:
         SceneError: the checkpoint is that of another scene; all keys that differ are named.

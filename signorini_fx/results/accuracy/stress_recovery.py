@@ -49,14 +49,10 @@ class StressRecovery:
     def __init__(
         self, stress: Any, residual: Callable[[Any], tuple[Callable[[float], None], Any]], degree: int | None = None
     ) -> None:
-        """Compile; collective.
-
-        Args:
-            stress: an ``ElementStress`` of a displacement of its own, whose values change with what is estimated; or
-                what has its displacement, components, parts, ``squared`` and ``refresh``.
-            residual: from a test function that is constant in each cell to what moves the loads to a place in the lists
-                of factors, and the squared residual of the traction, see ``boundary_residual``.
-            degree: of the quadrature in the cells, exact for all that is integrated there; None: UFL estimates it.
+        """Compile; ``stress``: an ``ElementStress`` of a displacement of its own, or what has its displacement,
+        components, parts, ``squared`` and ``refresh``; ``residual``: from a test function that is constant in each cell
+        to what ``boundary_residual`` returns; ``degree``: of an exact quadrature in the cells; None: UFL estimates it;
+        collective.
         """
         self._stress, self._displacement = stress, stress.displacement
         mesh, raw = self._displacement.function_space.mesh, stress.components
@@ -140,11 +136,8 @@ class StressRecovery:
         return np.maximum(total, 0.0)
 
     def smoothed(self, y: fem.Function, step: float = 0) -> list[tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]]:
-        """The projected stress of a displacement in each material, see ``squares``; collective.
-
-        Returns:
-            The cells (local numbers, ghosts included), shape (m,), and at their vertices the components of the
-            stress, see ``ElementStress.components``, shape (m, vertices, components).
+        """The projected stress of a displacement in each material: the cells, local numbers, ghosts included, shape
+        (m,), and at their vertices ``ElementStress.components``, shape (m, vertices, components); collective.
         """
         self._fill(y, step)
         space, stresses = self._recovered.function_space, []
@@ -173,14 +166,9 @@ class StressRecovery:
 
 
 def boundary_residual(model: Model, stress: ElementStress, z: Any) -> tuple[Callable[[float], None], Any]:
-    """The squared residual of the traction of a scene, see ``squared_residual``; ``z``: test function, constant in each
-    cell.
-
-    Only where the traction is known: not in contact, and for prescribed displacements only in free components.  In the
-    other components the displacement may differ between the nodes: its square, times the stiffness over h.
-
-    Returns:
-        What moves the loads to a place in the lists of factors, and the form; None where there is no such boundary.
+    """What moves the loads of a scene to a place, and ``squared_residual`` where the traction is known: not in contact,
+    and for prescribed displacements only in free components.  In the other ones the displacement may differ between
+    the nodes: its square, times the stiffness over h.
     """
     statement, mesh, y = model.statement, model.tagged.mesh, stress.displacement
     exterior_facets = dmesh.exterior_facet_indices(mesh.topology)
