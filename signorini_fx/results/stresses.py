@@ -24,7 +24,6 @@ from signorini_fx.mechanics.elasticity.elastic_law import ElementStress
 from signorini_fx.mechanics.elasticity.moduli import of_materials
 from signorini_fx.mechanics.kinematics.protocol import tensors
 from signorini_fx.mechanics.model import Model
-from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.results.singularities import why_no_limit
 
 Nodal = npt.NDArray[np.float64]
@@ -237,12 +236,12 @@ class RawStresses(StressFields):
     the body, at ends of supports and at a contact edge may have no limit as the mesh is refined.
 
     Attributes:
-        body: that it is of.
+        body: that it is of, a ``SolidBody``.
         place: of the load step in the lists of factors, see ``statement.load_path``.
         at_points: of a nonlinear body at the points of quadrature, where its extremes are; None: they are at nodes.
     """
 
-    body: SolidBody
+    body: Any
     place: float = 0.0
     at_points: PointStress | None = None
 
@@ -255,10 +254,10 @@ class RawStresses(StressFields):
     def energy(self) -> float:
         """The strain energy of the stress; collective."""
         if not self.body.statement.material:  # that of forms may have the energy of springs in it
-            return self.body.recovery.energy(self.stress.displacement)
+            return float(self.body.recovery.energy(self.stress.displacement))
         balance = self.body.balance(self.stress.displacement, self.place)
         y = self.stress.displacement.x.array.reshape(-1, balance.surface.dimension)
-        return balance.strain_energy(balance.works(y[: balance.surface.owned]))
+        return float(balance.strain_energy(balance.works(y[: balance.surface.owned])))
 
     @cached_property
     def plastic_strain(self) -> fem.Function | None:
@@ -318,7 +317,7 @@ class RawStresses(StressFields):
     @cached_property
     def squares(self) -> npt.NDArray[np.float64]:
         """The squared error of each owned cell, an energy, shape (cells,); collective."""
-        return self.body.recovery.squares(self.stress.displacement, self.place)
+        return np.asarray(self.body.recovery.squares(self.stress.displacement, self.place))
 
     def as_dict(self) -> dict[str, Any]:
         """Extremes of the raw stress and those of the recovered one, with the estimated error, JSON-safe; collective.
@@ -339,7 +338,7 @@ class RawStresses(StressFields):
         """The largest share of the yield stress, of raw and recovered stress the one that uses more, and where,
         JSON-safe; None: no yield stress is known, and of nonlinear materials; collective.
         """
-        model = self.body
+        model: Model = self.body
         if not self.recovers or all(math.isinf(_limit(one)) for one in model.statement.material):
             return None
         if parallel.any_rank(self.comm, not np.isfinite(self.stress.displacement.x.array).all()):
@@ -353,7 +352,7 @@ class RawStresses(StressFields):
     def _told(self, extreme: Extreme, *, finite: bool = True) -> dict[str, Any]:
         """An extreme, with the part of several, and of a linear body why there is no limit; JSON-safe; collective."""
         told: dict[str, Any] = {"value": extreme.value, "place": [*extreme.place]}
-        model = self.body
+        model: Model = self.body
         regions = [*model.statement.bodies] or [entry.region for entry in model.statement.material]
         if len(regions) > 1:
             told["region"] = part_of(model, extreme.cell, regions)
