@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from types import TracebackType
+from contextlib import AbstractContextManager
 from typing import Any
 
 from mpi4py import MPI
@@ -16,7 +16,7 @@ from signorini_fx.tuned import PROGRESS_PAUSE
 _ERASE = "\r\x1b[K"
 
 
-class ProgressLine:
+class ProgressLine(AbstractContextManager["ProgressLine"]):
     """A line that says where a solve is: the mesh or the load step, and the last linear solve.
 
     It is an observer::
@@ -39,12 +39,7 @@ class ProgressLine:
         seen = self._display is not None or terminal.is_terminal(sys.stderr)
         self._silent = not (parallel.is_root(MPI.COMM_WORLD) and seen)
 
-    def __enter__(self) -> ProgressLine:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.erase()
 
     def __call__(self, record: Record) -> None:

@@ -34,12 +34,6 @@ from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ERROR_PATIENCE
 
 
-def summarise(solution: Solution) -> dict[str, Any]:
-    """All figures of a solve with what is ``proved``; collective."""
-    summary = summary_of(solution)
-    return summary | proved(solution, summary["findings"])
-
-
 def summary_of(solution: Solution) -> dict[str, Any]:
     """All figures of a solve that stand, JSON-safe; collective, the same on every rank."""
     history = solution.history
@@ -129,14 +123,9 @@ def print_progress(record: Record) -> None:
     parallel.log_on_root(MPI.COMM_WORLD, table_row(record))
 
 
-def render(summary: dict[str, Any]) -> str:
-    """The summary as text."""
-    return "\n".join(map(str, lines_of(summary)))
-
-
-def lines_of(summary: dict[str, Any], folder: Path | None = None) -> list[TerminalLine]:
+def lines_of(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:
     """The whole summary for a terminal, and where the results are."""
-    return [*_figures(summary), *([] if folder is None else [row("results", f"{folder}/")])]
+    return [*_figures(summary), row("results", f"{folder}/")]
 
 
 def short_answer(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:

@@ -18,7 +18,7 @@ from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.records import History, IterationRecord, Status
 from signorini_fx.results.accuracy.convergence_table import predict
-from signorini_fx.results.summary import render, summarise
+from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.mesh_sequence import meshes_of
 from signorini_fx.scenes.plan import planned
@@ -146,7 +146,7 @@ def test_the_memory_of_the_machine_is_a_budget(monkeypatch):
     assert solution.certificate.holds
     assert "this machine has 0.00093" in solution.advice
     assert "of memory, this machine has 0.00093" in solution.history.events[-1]
-    told = render(summarise(solution)).splitlines()
+    told = [*map(str, lines_of(summary_of(solution), Path()))]
     assert any(line.startswith("  accuracy         the next mesh would take about") for line in told)
     assert not any(line.startswith("  fall-backs") for line in told)
 

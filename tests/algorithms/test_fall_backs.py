@@ -1,6 +1,7 @@
 """Where full steps do not solve a problem, one fall-back after the other is tried; the history says which."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from benchmarks.stability.oracle.worker import TRIAL, examined, same_units
 from signorini_fx.algebra.algorithms import ssn
 from signorini_fx.algebra.algorithms.interior_point import interior_point
 from signorini_fx.records import Status
-from signorini_fx.results.summary import render, summarise
+from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes import solver
 from signorini_fx.scenes.reading import parse_scene
 
@@ -86,9 +87,9 @@ def test_interior_point():
     """It has no sets that could cycle, and needs at most 40 linear solves for the gamma that was asked for."""
     ours = alone(jumping())
     assert fall_backs_of(ours) == ["interior point"]
-    summary = summarise(ours)
+    summary = summary_of(ours)
     assert summary["events"] == ours.history.events
-    assert "fall-backs       active sets cycle: interior point" in render(summary)
+    assert "fall-backs       active sets cycle: interior point" in "\n".join(map(str, lines_of(summary, Path())))
     assert [record.status for record in ours.history.outer] == ["active sets cycle", "converged"]
     assert ours.history.outer[-1].linear_solves <= 40
     same(ours, alone(jumping(algorithm="alm", gamma_n=1e5, gamma_t=1e5, tolerance=1e-10)), rtol=1e-3)

@@ -9,7 +9,7 @@ import pytest
 from two_cylinders import DEMO, altered, in_balance
 
 from signorini_fx import SceneError, read_scene, solve, write_results
-from signorini_fx.results.summary import render, summarise
+from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.template import summary_schema
 
@@ -85,11 +85,11 @@ def test_shrink_fit(tmp_path):
     every = in_balance(solution)
     assert every["seat"].moment == pytest.approx(torque, rel=2e-3)
     assert every["bore"].moment == pytest.approx(-torque, rel=2e-3)
-    summary = summarise(solution)
+    summary = summary_of(solution)
     (figures,) = summary["contact_boundaries"]
     assert figures["friction_moment"] == pytest.approx(torque, rel=1e-5)
     assert figures["moment_limit"] == pytest.approx(0.15 * 92.87 * 2 * np.pi * 20.0**2, rel=1e-3)
-    text = render(summary)
+    text = "\n".join(map(str, lines_of(summary, tmp_path)))
     assert f"seat: a moment of {torque:.4f}"[:-5] in text
     assert "about its middle of at most 350" in text
     assert re.search(r"rim: \(0, 0\) by traction, a couple of -?301\d\d", text)

@@ -21,7 +21,7 @@ from signorini_fx import (
 from signorini_fx.addons.report.page import page
 from signorini_fx.extensions import QUANTITIES
 from signorini_fx.quantities.summary import own_quantities
-from signorini_fx.results.summary import render, short_answer, summarise
+from signorini_fx.results.summary import lines_of, short_answer
 from signorini_fx.scenes.template import summary_schema
 
 DEMO = Path(__file__).parents[2] / "demos" / "extensions" / "quantity.py"
@@ -63,7 +63,7 @@ def test_one_file(register, monkeypatch, tmp_path):
     first, last = results.table("steps")[KEY]
     assert last == pytest.approx(mean, rel=1e-13)
     assert 0 < first < last
-    assert f"  mean pressure right {mean:.6g}" in render(summary)
+    assert f"  mean pressure right {mean:.6g}" in "\n".join(map(str, lines_of(summary, tmp_path)))
     # Its label is longer than the column of the short answer.
     assert f"  mean pressure right: {mean:.6g}" in "\n".join(map(str, short_answer(summary, tmp_path)))
     assert f"<dt>mean pressure right</dt><dd>{mean:.6g}</dd>" in page(tmp_path)
@@ -114,7 +114,7 @@ def test_failures_are_warnings(register, tmp_path):
     for quantity in (Fails, Words(), Several, Arrays):
         register(quantity)
     solution = alone(scene())
-    summary = summarise(solution)
+    summary = write_results(solution, tmp_path, fields=False, pictures=False)
     told = {row["path"]: row["message"] for row in summary["findings"]}
     assert "ZeroDivisionError in value: division by zero" in told["fails"]
     assert "ValidationError" in told["words"]

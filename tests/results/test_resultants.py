@@ -10,7 +10,8 @@ from spaces import box
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.results.summary import render, summarise
+from signorini_fx.results.files import write_results
+from signorini_fx.results.summary import lines_of
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
 
@@ -154,21 +155,21 @@ def test_support_and_contact_on_one_boundary():
     assert foot.acts_at == near([LENGTH / 2 + 0.2 * HEIGHT, 0.0], 1.0)
 
 
-def test_summary():
+def test_summary(tmp_path):
     """What statics say is zero is zero in the rows, and the terminal has a line for each figure."""
     scene = plane(
         traction=[{"boundary": "top", "y": -3.0}, {"boundary": "left", "x": 0.5}],
         contact={"boundary": "bottom", "friction": COULOMB},
     )
     solution = alone(scene)
-    found = summarise(solution)
+    found = write_results(solution, tmp_path, fields=False, pictures=False)
     rows = {row["boundary"]: row for row in found["resultants"]}
     assert rows["top"]["force"] == [0.0, pytest.approx(-6.0)]
     assert rows["left"]["force"] == [pytest.approx(1.5), 0.0]
     assert rows["left"]["moment"] == pytest.approx(-1.5 * HEIGHT / 2)
     assert rows["left"]["acts_at"] == [0.0, pytest.approx(HEIGHT / 2)]
     assert rows["bottom"]["acts_at"][1] == 0.0
-    lines = [" ".join(line.split()) for line in render(found).splitlines()]
+    lines = [" ".join(str(line).split()) for line in lines_of(found, tmp_path)]
     assert "friction bottom: 1.5 of at most 3.6" in lines
     assert "friction 42 % used" in lines
     assert "forces top: (0, -6) by traction, acts at (1, 3)" in lines

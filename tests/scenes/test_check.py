@@ -27,7 +27,7 @@ from signorini_fx.mechanics.statement.effect import Effect
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.records import Status
-from signorini_fx.results.summary import render, summarise
+from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes import cli, scene, template
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene, read_scene
@@ -205,7 +205,7 @@ def test_units_that_do_not_agree():
     solution = alone(data, check=False)
     assert solution.status is Status.TOO_LARGE
     assert solution.certificate.displacement > 1
-    assert "check the units of E" in render(summarise(solution))
+    assert "check the units of E" in "".join(map(str, lines_of(summary_of(solution), Path())))
     path, load = "material, traction, body_force, displacement", {"boundary": "top", "y": -2.0}
     for young, odd in ((2.1e11, True), (2.1e5, False)):
         steel = block(material={"young": young, "poisson": 0.3}, traction=load)

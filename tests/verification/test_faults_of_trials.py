@@ -20,7 +20,7 @@ from signorini_fx import (
     Status,
     solve,
 )
-from signorini_fx.results.summary import short_answer, summarise
+from signorini_fx.results.summary import short_answer, summary_of
 from signorini_fx.scenes.cli import main
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -65,7 +65,7 @@ def test_chords_of_round_sides_that_change_the_pressure(tmp_path, facets, distan
     largest = solution.table.columns["pressure"].max()
     assert (largest > 2 * lame) == wrong
     assert wrong or largest == pytest.approx(lame, rel=0.05)
-    lines = [str(line) for line in short_answer(summarise(solution), tmp_path)]
+    lines = [str(line) for line in short_answer(summary_of(solution), tmp_path)]
     assert any("straight facets" in line for line in lines) == wrong
 
 
@@ -152,7 +152,7 @@ def test_a_sphere_that_touches_in_one_point(cell, degree):
 def test_a_force_of_which_no_digit_is_known(tmp_path):
     """Its first digit stands with the error: 0 would be a claim."""
     scene = block(STEEL, "0.01", load_steps={}, solver={})
-    summary = summarise(solve(scene, MPI.COMM_SELF))
+    summary = summary_of(solve(scene, MPI.COMM_SELF))
     row = {"energy": None, "pressure": None, "zone": None, "peak": None, "force": 1.9, "predicted": False}
     row |= {"seconds": 1.0, "dofs": 100, "level": 0}
     found = summary | {"contact_force": [0.0, 544.8], "friction_force": [30.0, 0.0], "convergence_table": [row]}

@@ -1,5 +1,7 @@
 """Scenes without a solution, or that the method does not solve: each ends in an outcome with a name."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scenes import PATCH, alone, example1
@@ -7,7 +9,7 @@ from scenes import PATCH, alone, example1
 from signorini_fx.mechanics.effects.loads import SurfaceTraction
 from signorini_fx.records import Status
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.results.summary import render, summarise
+from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes.reading import parse_scene
 
 SMALL = {"nx": 30, "ny": 10}
@@ -49,7 +51,7 @@ def test_free_sideways_without_friction():
     # What to do is said once, with the motion.
     assert "the translation along (1, 0)" in solution.advice
     assert "friction" in solution.advice
-    assert render(summarise(solution)).split().count("prescribe") == 1
+    assert " ".join(map(str, lines_of(summary_of(solution), Path()))).split().count("prescribe") == 1
 
 
 def test_no_contact_and_no_support():

@@ -45,25 +45,17 @@ def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN)
     """
     squares = []
     for path in table.paths:
-        rows, s, path_slice = table.unrolled(path)
-        squares.append(_squares(table, rows, s)[path_slice])
+        rows, s, own = table.unrolled(path)
+        h = np.diff(s)
+        kinks, found = np.diff(np.diff(table.columns["pressure"][rows]) / h) ** 2, np.zeros(h.size)
+        found[:-1] += KINK_SHARE / 2 * h[:-1] ** 3 * kinks
+        found[1:] += KINK_SHARE / 2 * h[1:] ** 3 * kinks
+        for interval, inside in _corners(table, rows, s) if h.size > 1 else ():
+            found[interval] = max(found[interval], CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1])
+        squares.append(found[own])
         if not kinematics.uniform:  # the circumference at the middle of each interval
             x = places(table)
             squares[-1] = squares[-1] * kinematics.measure_at((x[path[:-1]] + x[path[1:]]).T / 2)
-    return squares
-
-
-def _squares(table: ContactTable, rows: Ints, s: Floats) -> Floats:
-    pressure = table.columns["pressure"][rows]
-    h = np.diff(s)
-    squares = np.zeros(h.size)
-    if h.size < 2:
-        return squares
-    kinks = np.diff(np.diff(pressure) / h) ** 2
-    squares[:-1] += KINK_SHARE / 2 * h[:-1] ** 3 * kinks
-    squares[1:] += KINK_SHARE / 2 * h[1:] ** 3 * kinks
-    for interval, inside in _corners(table, rows, s):
-        squares[interval] = max(squares[interval], CORNER_SHARE * h[interval] ** 3 * kinks[inside - 1])
     return squares
 
 
