@@ -152,9 +152,6 @@ def judged(
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
             one does not, its elastic slip is removed.
         rigid: how rigid bodies have moved, and what drives them.
-
-    Raises:
-        ValueError: the tractions are not those of the contact points.
     """
     forces, supports = balance.surface, balance.supports
     comm, dim, pieces = forces.space.mesh.comm, forces.dimension, forces.pieces

@@ -74,15 +74,7 @@ class ContactNodes(ContactConditions):
 
     @classmethod
     def of(cls, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
-        """The contact points of a problem; collective.
-
-        Raises:
-            ValueError: the tractions are not those of the contact points of the problem.
-        """
-        boundary = contact.boundary
-        fit = np.array_equal(tractions.nodes, boundary.nodes) and np.array_equal(tractions.part, boundary.part)
-        if parallel.any_rank(boundary.comm, not fit):
-            raise ValueError("the tractions are not those of the contact nodes of the scene")
+        """The contact points of a problem with tractions at them."""
         known = {field.name: getattr(contact, field.name) for field in fields(ContactConditions)}
         return cls(**known, pressure=tractions.pressure, shear=tractions.shear)
 
@@ -122,8 +114,8 @@ class ContactNodes(ContactConditions):
         values = from_owners(y, averages.nodes, self.boundary.comm)
         relative = (averages.operator @ values.ravel()).reshape(self.normal.shape)
         for pair, part in self.of_pairs:
-            known = pair.relative(y, self.normal[part])
-            relative[part] = relative[part] if known is None else known
+            if pair.moving is not None:
+                relative[part] = pair.relative(pair.moving, y, self.normal[part])
         for motion in rigid:
             points = self.part(*motion.body.parts)
             relative[points] -= motion.at(self._x[points])

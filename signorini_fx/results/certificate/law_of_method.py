@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
@@ -63,26 +62,22 @@ def overclosures_of(statement: Statement) -> dict[int, Overclosure]:
 
 @dataclass(frozen=True)
 class Tractions:
-    """The contact tractions at the n contact nodes of this rank; ``part``: position in ``statement.contact``;
-    ``nodes``: local numbers; ``shear``: mu as a vector of space, shape (n, d): no frame is shared with the solver.
+    """The contact tractions at the n contact points of this rank, stresses, shapes (n,) and (n, d); ``shear``: mu as a
+    vector of space: no frame is shared with the solver.
     """
 
-    part: npt.NDArray[Any]
-    nodes: npt.NDArray[Any]
     pressure: Nodal
     shear: Nodal
 
     @classmethod
     def none(cls, boundary: ContactBoundary) -> Tractions:
-        """No tractions at any node."""
-        return cls(boundary.part, boundary.nodes, np.zeros(boundary.size), np.zeros_like(boundary.x))
+        """No tractions at any point."""
+        return cls(np.zeros(boundary.size), np.zeros_like(boundary.x))
 
     @classmethod
     def of(cls, state: ContactState) -> Tractions:
         """The contact tractions of a contact state."""
-        boundary = state.boundary
-        shear = np.einsum("ijk,ik->ij", boundary.tangents, state.shear)
-        return cls(boundary.part, boundary.nodes, state.pressure, shear)
+        return cls(state.pressure, np.einsum("ijk,ik->ij", state.boundary.tangents, state.shear))
 
 
 @dataclass(frozen=True)

@@ -47,22 +47,16 @@ class NodalForces(BodyNodes):
 
     @classmethod
     def on(cls, model: Model) -> NodalForces:
-        """Those of a model, which is asked for them by all that evaluate forces anew."""
-        if "nodal_forces" not in model.of_mesh:
-            model.of_mesh["nodal_forces"] = cls(model.statement, model.tagged, model.space)
-        shared: NodalForces = model.of_mesh["nodal_forces"]
-        return shared.of(model.statement)
-
-    def of(self, statement: Statement) -> NodalForces:
-        """Those of another statement on the same mesh, whose nodes, pieces and areas are not computed again."""
-        if statement is self.statement:
-            return self
-        other = copy(self)
-        other.statement = statement
-        other.kinematics = statement.kinematics_in(self.tagged.dimension)
-        if not _differ_in_contact_alone(statement, self._on.statement):
-            other._on, other._of_forms = FormCoefficients(statement, self.tagged, self.space), {}
-        return other
+        """Those of a model; statements on a mesh that differ in contact alone share their forms."""
+        statement, (stated, kept) = model.statement, model.of_mesh.get("nodal_forces", (None, None))
+        entries = [id(entry) for at, entry in statement.listed() if not at.startswith("contact[")]
+        stating = statement.kinematics, statement.element, statement.path, entries
+        if kept is None or stated != stating:
+            kept = cls(statement, model.tagged, model.space)
+            model.of_mesh["nodal_forces"] = stating, kept
+        forces = copy(kept)
+        forces.statement = statement
+        return forces
 
     @shared_in("_of_forms")
     def _y(self) -> fem.Function:
@@ -209,11 +203,3 @@ class NodalForces(BodyNodes):
         """The sum of forms without arguments."""
         local_sum = sum((float(fem.assemble_scalar(form)) for form in forms), 0.0)
         return float(parallel.global_sum(self.tagged.mesh.comm, np.array(local_sum)))
-
-
-def _differ_in_contact_alone(one: Statement, other: Statement) -> bool:
-    """Whether the forms of one statement serve another one."""
-    if (one.kinematics, one.element, one.path) != (other.kinematics, other.element, other.path):
-        return False
-    entries, others = ([at for at in of.listed() if not at[0].startswith("contact[")] for of in (one, other))
-    return len(entries) == len(others) and all(a[1] is b[1] for a, b in zip(entries, others, strict=True))

@@ -1,12 +1,11 @@
 """The points of pairs of bodies for the certificate: identities of the map of the pair at the displacement of a result.
 
-A wrong map is the same in each run: the oracle and tests compare it to integrals of their own.  Here its identities
-are tried, which ranks, restarts or a changed entry would break.  At all points
+Ranks, restarts or a changed entry would break them.  At all points
 
     D 1 = M 1 = 1,   D x - M x + d = 0,   B R = 0 for every joint rigid motion R,
 
 so that forces and moments of both sides balance, and the weights add up to the area where both sides meet.  Where
-normals follow deformed sides, a rotation R leaves B R = - R d, as the distance turns with the sides.
+normals follow deformed sides, a rotation R leaves B R = - R d, which the first two say.
 """
 
 from __future__ import annotations
@@ -60,13 +59,12 @@ class PairPoints:
         """Whether they are where the displacement has moved the sides."""
         return self.moving is not None
 
-    def relative(self, owned: Array, normal: Array) -> Array | None:
+    @staticmethod
+    def relative(moving: MovingPair, owned: Array, normal: Array) -> Array:
         """The relative displacement from that of the owned nodes, shape (n, d): along the normal the distance,
-        negative, and across it the slip since the step began; None: it is that of the boundary.
+        negative, and across it the slip since the step began.
         """
-        if self.moving is None:
-            return None
-        pair = copy(self.moving)
+        pair = copy(moving)
         pair.move(owned)
         slip = np.where(pair.alone[:, None], 0.0, pair.sliding_along(pair.slip))
         return slip - pair.coupling.gap[pair.mine][:, None] * normal
@@ -96,18 +94,15 @@ class PairPoints:
 
     def error(self) -> float:
         """The largest error of the identities of the map, relative to one, to weights, or to the size of the sides."""
-        sides, comm, dim, left, errors = self.sides, self.sides.space.mesh.comm, self.across.shape[2], None, []
-        facing: npt.NDArray[np.bool_]
+        sides, comm, dim = self.sides, self.sides.space.mesh.comm, self.across.shape[2]
+        errors, turning = list[float](), True
         if self.kept is not None:
-            coupling, operator = self.kept.coupling, self.kept.relative
-            weight, covered, x = coupling.weight, coupling.covered, sides.x
-            size, facing = _size_of(x), np.ones(weight.size, dtype=bool)
-            balanced = facing
+            coupling, operator, x = self.kept.coupling, self.kept.relative, sides.x
+            weight, covered = coupling.weight, coupling.covered
+            facing: npt.NDArray[np.bool_] = np.ones(weight.size, dtype=bool)
+            balanced, turning = facing, not self.kept.followed
             apart = self.slave @ sides.slave.surface.x - self.master @ sides.master.surface.x
-            errors.append(_largest(apart + coupling.distance) / size)
-            if self.kept.followed:
-                left = -rigid_modes(coupling.distance, np.zeros(dim), np.array(size)).transpose(2, 0, 1)[dim:]
-                left = left - np.einsum("nij,knj->kni", self.across, left)
+            errors.append(_largest(apart + coupling.distance) / _size_of(x))
         else:
             assert self.moving is not None
             found, facing = self.moving.coupling, ~self.moving.alone
@@ -123,13 +118,10 @@ class PairPoints:
         errors += [_largest(part.sum(axis=1)[facing] - 1.0) for part in (self.slave, self.master)]
         total = float(parallel.global_sum(comm, weight.sum()))
         errors += [abs(total / covered - 1.0), np.max(-weight, initial=-np.inf) / covered]
-        middle = (x.min(axis=0) + x.max(axis=0)) / 2
         # Translations, and rotations that move the ends of the sides by about one.
-        for number, motion in enumerate(rigid_modes(x, middle, np.array(_size_of(x))).transpose(2, 0, 1)):
-            moved = (operator @ motion.ravel()).reshape(-1, dim)
-            if number >= dim and left is not None:
-                moved = moved - left[number - dim]
-            errors.append(_largest(moved[facing if number < dim else balanced]))
+        modes = rigid_modes(x, (x.min(axis=0) + x.max(axis=0)) / 2, np.array(_size_of(x)))
+        moved = (operator @ modes.reshape(x.size, -1)).reshape(-1, dim, modes.shape[2])
+        errors += [_largest(moved[facing, :, :dim]), _largest(moved[balanced, :, dim:]) if turning else 0.0]
         return parallel.global_max(comm, float(max(errors)))
 
 
