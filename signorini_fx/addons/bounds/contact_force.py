@@ -21,7 +21,7 @@ from dolfinx import fem
 
 from signorini_fx.addons.bounds.error_bound import ROUND_OFF, Bounded, bounded, known_contact
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain
-from signorini_fx.addons.bounds.linear_displacement import PrescribedComponents, smallest_energy
+from signorini_fx.addons.bounds.linear_displacement import Given, free_motions, smallest_energy
 from signorini_fx.addons.bounds.scene_arrays import on_first_rank
 from signorini_fx.addons.bounds.simplices import TWICE, Array
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -63,10 +63,13 @@ def force(
 def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
     """Of a boundary in contact."""
     t = problem.t
-    constraints = _constraints(problem, boundary, direction)
-    if not constraints.fixes(t):
+    given = _given(problem, boundary, direction)
+    projectors = np.zeros_like(problem.held)
+    for facets, along, _ in given:
+        np.add.at(projectors, facets, along)
+    if free_motions(t, projectors).shape[1]:
         raise Refused("a force has bounds where supports and contacts hold the body")
-    z, missed = smallest_energy(t, constraints)
+    z, missed = smallest_energy(t, given)
     size = float(np.linalg.norm(direction))
     if missed > SAME_LENGTH * size:
         raise Refused(f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact")
@@ -82,10 +85,10 @@ def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
     return Interval(centre - half, centre + half, problem.assumed)
 
 
-def _constraints(problem: Bounded, boundary: str, direction: Array) -> PrescribedComponents:
+def _given(problem: Bounded, boundary: str, direction: Array) -> list[Given]:
     """Components where forces of supports and contacts act; without friction there is none along a contact."""
-    t, d, named, met = problem.t, problem.t.dimension, problem.named, False
-    rows = [PrescribedComponents.of_facets(t.facets, problem.held, np.zeros(d))]
+    d, nothing, met = problem.t.dimension, np.zeros_like(direction), False
+    rows = [(problem.t.outer, problem.held[problem.t.outer], nothing)]
     for surface in problem.contacts:
         parts = surface.parts
         for side in parts.sides:
@@ -95,10 +98,9 @@ def _constraints(problem: Bounded, boundary: str, direction: Array) -> Prescribe
             projectors = normal[:, :, None] * normal[:, None]
             if surface.bound.any():
                 projectors = np.tile(np.eye(d), (len(facets), 1, 1))
-            is_named = np.isin(facets, named)
+            is_named = np.isin(facets, problem.named)
             met |= bool(is_named.any())
-            rows.append(PrescribedComponents.of_facets(t.facets[facets[is_named]], projectors[is_named], direction))
-            rows.append(PrescribedComponents.of_facets(t.facets[facets[~is_named]], projectors[~is_named], np.zeros(d)))
+            rows += [(facets[of], projectors[of], value) for of, value in ((is_named, direction), (~is_named, nothing))]
     if not met:
         raise Refused(f"a force has guaranteed bounds at contacts, and {boundary!r} is none")
-    return PrescribedComponents.joined(*rows)
+    return rows

@@ -7,8 +7,6 @@ it has its own free motions, its own balance of forces and its own bound.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
@@ -20,53 +18,21 @@ from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.algebra.linalg.factorisation import use_factorisation
 from signorini_fx.tuned import NOTHING_LEFT, ZERO_IN_SOLUTION
 
-
-@dataclass(frozen=True)
-class PrescribedComponents:
-    """Components of displacements at vertices, r of them."""
-
-    vertex: Ints  # where, shape (r,)
-    direction: Array  # unit vectors, shape (r, d)
-    value: Array  # of the components, length, shape (r,)
-
-    def fixes(self, t: Simplices) -> bool:
-        """Whether they leave no rigid motion of any piece free."""
-        of_row = t.piece_of_vertex[self.vertex]
-        for piece in range(int(t.piece.max()) + 1):
-            inside, rows = np.flatnonzero(t.piece_of_vertex == piece), of_row == piece
-            indices = np.searchsorted(inside, self.vertex[rows])
-            works = np.einsum("rdk,rd->rk", rigid_motions(t.x[inside])[indices], self.direction[rows])
-            if not float(np.linalg.eigvalsh(works.T @ works)[0]) > ZERO_IN_SOLUTION * len(works):
-                return False
-        return True
-
-    @staticmethod
-    def joined(*parts: PrescribedComponents) -> PrescribedComponents:
-        """All of them."""
-        return PrescribedComponents(
-            np.concatenate([part.vertex for part in parts]),
-            np.concatenate([part.direction for part in parts]),
-            np.concatenate([part.value for part in parts]),
-        )
-
-    @staticmethod
-    def of_facets(facets: Ints, projectors: Array, value: Array) -> PrescribedComponents:
-        """Those of a vector, length, in directions that facets, shape (f, d), hold by projectors, shape (f, d, d)."""
-        held, d = np.flatnonzero(projectors.any(axis=(1, 2))), facets.shape[1]
-        sizes, vectors = np.linalg.eigh(projectors[held])
-        rows, columns = np.nonzero(sizes > 0.5)
-        directions = np.repeat(vectors[rows, :, columns], d, axis=0)
-        return PrescribedComponents(facets[held[rows]].ravel(), directions, directions @ value)
+# Facets, projectors onto directions in which their vertices have a given displacement, and that, length, shapes (m,),
+# (m, d, d) and (d,).
+Given = tuple[Ints, Array, Array]
 
 
-def smallest_energy(t: Simplices, constraints: PrescribedComponents) -> tuple[Array, float]:
+def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
     """The displacement at the vertices of least energy with given components, which leave no rigid motion free, length,
     shape (v, d), and how far it is from what is given at most, length.
     """
     count, d = t.x.shape
     weight, value = np.zeros((count, d, d)), np.zeros((count, d))
-    np.add.at(weight, constraints.vertex, constraints.direction[:, :, None] * constraints.direction[:, None])
-    np.add.at(value, constraints.vertex, constraints.direction * constraints.value[:, None])
+    for facets, projectors, displacement in given:
+        for column in t.facets[facets].T:
+            np.add.at(weight, column, projectors)
+            np.add.at(value, column, projectors @ displacement)
     sizes, turn = np.linalg.eigh(weight)
     fixed = sizes > ZERO_IN_SOLUTION
     along = np.einsum("nik,ni->nk", turn, value) / np.where(fixed, sizes, 1.0)
@@ -77,8 +43,11 @@ def smallest_energy(t: Simplices, constraints: PrescribedComponents) -> tuple[Ar
         upper.sort_indices()
         force = -(matrix @ start.ravel())
         start += (basis @ solved(upper, basis.T @ force)).reshape(-1, d)
-    missed = (start[constraints.vertex] * constraints.direction).sum(axis=1) - constraints.value
-    return start, float(np.abs(missed).max(initial=0.0))
+    missed = [
+        np.einsum("fij,faj->fai", projectors, start[t.facets[facets]] - displacement)
+        for facets, projectors, displacement in given
+    ]
+    return start, max(float(np.abs(vectors).max(initial=0.0)) for vectors in missed)
 
 
 def free_basis(turn: Array, fixed: npt.NDArray[np.bool_]) -> sp.csr_matrix:
