@@ -11,10 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import factorial
 
+import basix
 import numpy as np
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, EPS, Array, Ints, Simplices, closest_linear, with_hats
+from signorini_fx.mechanics.pairs.overlap import clip
+from signorini_fx.mechanics.pairs.search import Patches, candidates
 from signorini_fx.tuned import NOTHING_LEFT, ROOT_OF_EPS, SAME_LENGTH
 
 # Sides of a contact: that with the contact points, and the other one.
@@ -52,7 +55,9 @@ class ContactParts:
             return matching
         axes = np.linalg.svd(along[None])[2][1:]
         places = [t.x[t.facets[side]] @ axes.T for side in (slave, master)]
-        pairs = _near(*places)
+        apart = abs(float((t.x[t.facets[master[0], 0]] - t.x[t.facets[slave[0], 0]]) @ along))
+        patches = (Patches(t.x[t.facets[side]], t.normal[side]) for side in (slave, master))
+        pairs = np.column_stack(candidates(*patches, apart, np.zeros(len(slave))))
         corners, number = _shared(places[0][pairs[:, 0]], places[1][pairs[:, 1]])
         of, area = pairs[number], np.abs(_sizes(corners))
         positive = area > NOTHING_LEFT * t.area[slave[of[:, 0]]]
@@ -184,32 +189,9 @@ def _shared(first: Array, second: Array) -> tuple[Array, Ints]:
     first, second = (
         np.where((_sizes(corners) < 0)[:, None, None], corners[:, ::-1], corners) for corners in (first, second)
     )
-    triangles: list[Array] = [np.zeros((0, 3, 2))]
-    of_pair = list[int]()
-    for number in range(len(first)):
-        polygon = _clipped(np.asarray(first[number]), np.asarray(second[number]))
-        if len(polygon) > 2:
-            fan = np.stack([polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)])
-            triangles.append(fan)
-            of_pair += [number] * len(fan)
-    return np.concatenate(triangles), np.array(of_pair, dtype=np.int64)
-
-
-def _clipped(polygon: Array, triangle: Array) -> Array:
-    """The part of a convex polygon inside a triangle, both counterclockwise, shape (k, 2)."""
-    for corner in range(3):
-        first, last = triangle[corner], triangle[(corner + 1) % 3]
-        way = last - first
-        height = way[0] * (polygon[:, 1] - first[1]) - way[1] * (polygon[:, 0] - first[0])
-        points = []
-        for k in range(len(polygon)):
-            a, b, following = height[k], height[(k + 1) % len(polygon)], polygon[(k + 1) % len(polygon)]
-            if a >= 0:
-                points.append(polygon[k])
-            if (a > 0 > b) or (a < 0 < b):
-                points.append(polygon[k] + a / (a - b) * (following - polygon[k]))
-        polygon = np.array(points).reshape(-1, 2)
-    return polygon
+    polygon, count = clip(first, second)
+    number, corner = np.nonzero(np.arange(2, polygon.shape[1]) < count[:, None])
+    return polygon[number[:, None], np.column_stack((np.zeros_like(corner), corner + 1, corner + 2))], number
 
 
 def _sizes(corners: Array) -> Array:
@@ -224,39 +206,13 @@ def _barycentric(simplices: Array, points: Array) -> Array:
     return np.concatenate((1 - inner.sum(axis=2, keepdims=True), inner), axis=2)
 
 
-def _near(first: Array, second: Array) -> Ints:
-    """Segments or triangles whose boxes meet, shapes (m, d, d - 1), in pairs, shape (p, 2)."""
-    centres = [corners.mean(axis=1) for corners in (first, second)]
-    radii = [
-        np.linalg.norm(corners - at[:, None], axis=2).max(axis=1)
-        for corners, at in zip((first, second), centres, strict=True)
-    ]
-    around = cKDTree(centres[1]).query_ball_point(centres[0], radii[0] + radii[1].max())
-    pairs = np.array([(k, number) for k, numbers in enumerate(around) for number in numbers], dtype=np.int64).reshape(
-        -1, 2
-    )
-    lowest, highest = (
-        np.stack([function(corners, axis=1)[pairs[:, side]] for side, corners in enumerate((first, second))])
-        for function in (np.min, np.max)
-    )
-    return pairs[(lowest.max(axis=0) < highest.min(axis=0)).all(axis=1)]
-
-
-# Points of Gauss' rule along an edge: integrands have kinks where slip turns.
-_POINTS = np.polynomial.legendre.leggauss(8)
-
-
-def _collapsed() -> tuple[Array, Array]:
-    """Barycentric points and weights of Gauss' rule on a triangle, collapsed, shapes (q, 3) and (q,)."""
-    s, w = (_POINTS[0] + 1) / 2, _POINTS[1] / 2
-    a, b = (grid.ravel() for grid in np.meshgrid(s, s, indexing="ij"))
-    products = np.outer(2 * w * (1 - s), w).ravel()
-    return np.column_stack((1 - a - b * (1 - a), a, b * (1 - a))), np.asarray(products, dtype=np.float64)
-
-
-# By dimension: barycentric points of quadrature on a facet, and their weights.
-POINTS: dict[int, Array] = {2: np.column_stack((1 - _POINTS[0], 1 + _POINTS[0])) / 2, 3: _collapsed()[0]}
-WEIGHTS: dict[int, Array] = {2: _POINTS[1] / 2, 3: _collapsed()[1]}
+# By dimension: barycentric points of Gauss' rule on a facet, and their weights; integrands have kinks where slip turns.
+_RULES = {
+    d: basix.make_quadrature(facet, 15, rule=basix.QuadratureType.gauss_jacobi)
+    for d, facet in ((2, basix.CellType.interval), (3, basix.CellType.triangle))
+}
+POINTS: dict[int, Array] = {d: np.column_stack((1 - at.sum(axis=1), at)) for d, (at, _) in _RULES.items()}
+WEIGHTS: dict[int, Array] = {d: weights / weights.sum() for d, (_, weights) in _RULES.items()}
 
 
 def bernstein(local: Array) -> Array:

@@ -29,7 +29,7 @@ from signorini_fx.addons.bounds.liftings import Liftings, finest, lifted_forces
 from signorini_fx.addons.bounds.linear_displacement import free_motions
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.scene_arrays import Rows, on_first_rank
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, EPS, Array, Ints, pieces_of_cells, with_hats
+from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, EPS, Array, with_hats
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -247,25 +247,7 @@ class Bounded(PlainProblem):
             for contact in contacts
         )
         piece, size = t.piece_of_vertex[np.abs(motions).argmax(axis=0) // t.dimension], np.abs(loads) + sizes
-        group = self._group_of_piece()[piece]
         # A piece has its own scale, above the round-off of all pieces together.
         small = ROUND_OFF * np.array([size[piece == number].max() for number in piece]) + EPS * size.max()
-        for number in np.unique(group):
-            part = group == number
-            of_group = [
-                replace(contact, normal=contact.normal[..., part], across=contact.across[..., part])
-                for contact in contacts
-            ]
-            tractions = balanced(loads[part], of_group, small[part])
-            for surface, contact, (pressure, shear) in zip(self.contacts, contacts, tractions, strict=True):
-                surface.pressure = contact.pressure = pressure
-                surface.shear = contact.shear = shear
-
-    def _group_of_piece(self) -> Ints:
-        """A number for each piece, the same for those that contacts join."""
-        t, links = self.t, np.zeros((0, 2), dtype=np.int64)
-        for surface in self.contacts:
-            if surface.paired:
-                sides = [t.piece[t.sides[surface.parts.facet(side), 0]] for side in (SLAVE, MASTER)]
-                links = np.concatenate((links, np.stack(sides, axis=1)))
-        return pieces_of_cells(links, int(t.piece.max()) + 1)
+        for surface, (pressure, shear) in zip(self.contacts, balanced(loads, contacts, small), strict=True):
+            surface.pressure, surface.shear = pressure, shear

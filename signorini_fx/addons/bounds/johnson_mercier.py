@@ -18,12 +18,14 @@ import numpy as np
 from signorini_fx.addons.bounds.simplices import (
     COLUMNS,
     CORNERS_OF_PARTS,
+    EDGES,
     FACETS,
     ROWS,
     TWICE,
     Array,
     Ints,
     Simplices,
+    lagrange,
     motions_of,
 )
 
@@ -166,6 +168,41 @@ def tensor_times(vector: Array) -> Array:
     return product
 
 
+def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
+    """Of stresses of degree 1 or 2 on the parts of the reference cell, from values at the vertices of the parts, and at
+    the middles of their edges: tractions on the facets at these nodes, times the area; by how much tractions of both
+    parts at a facet between them differ; divergences, of degree 2 at the corners of the parts.
+    """
+    count, slopes = d + 1, slopes_of_parts(d)
+    nodes = [*combinations(range(count), 1), *(map(tuple, EDGES[d].tolist()) if degree == 2 else ())]
+    # Vertices of the parts: those of the cell, and its centroid with the number d + 1.
+    numbers = [[*map(int, facet), count] for facet in FACETS[d]]
+    _, derivatives = lagrange(d, degree, np.eye(count)[:, 1:])
+
+    def row(*entries: tuple[int, int, Array]) -> Array:
+        """Products of the stresses of parts at nodes with vectors."""
+        tensors = np.zeros((d, count, len(nodes), len(ROWS[d])))
+        for part, node, vector in entries:
+            tensors[:, part, node] = tensor_times(vector)
+        return tensors.reshape(d, -1)
+
+    outer, inner, divergences = list[Array](), list[Array](), list[Array]()
+    for part in range(count):
+        normal = -slopes[part, d] / (factorial(d - 1) * count)
+        outer += [row((part, k, normal)) for k, node in enumerate(nodes) if d not in node]
+        for corner in range(count if degree == 2 else 1):
+            gradients = derivatives[:, corner].T @ slopes[part, 1:]
+            divergences.append(row(*((part, k, gradient) for k, gradient in enumerate(gradients))))
+    for i, j in combinations(range(count), 2):
+        opposite = numbers[i].index(j)
+        normal = slopes[i, opposite] / np.linalg.norm(slopes[i, opposite])
+        for k, node in enumerate(nodes):
+            if opposite not in node:
+                twin = tuple(sorted(numbers[j].index(numbers[i][vertex]) for vertex in node))
+                inner.append(row((i, k, normal), (j, nodes.index(twin), -normal)))
+    return np.concatenate(outer), np.concatenate(inner), np.concatenate(divergences)
+
+
 @cache
 def reference(d: int) -> tuple[Array, Array]:
     """From tractions at the vertices of the facets and the divergences of the parts to the stress of the reference
@@ -174,36 +211,11 @@ def reference(d: int) -> tuple[Array, Array]:
 
     The conditions determine the stress; they are compatible if the cell is in equilibrium.
     """
-    facets, count, components = FACETS[d], d + 1, len(ROWS[d])
-    gradients = slopes_of_parts(d)
-
-    def traction(part: int, corner: int, normal: Array) -> Array:
-        row = np.zeros((d, count, count, components))
-        row[:, part, corner] = tensor_times(normal)
-        return row.reshape(d, -1)
-
-    rows, data = [], []
-
-    def add(row: Array, place: int | None = None) -> None:
-        right = np.zeros((d, d * count * (d + 1)))
-        if place is not None:
-            right[:, d * place : d * place + d] = np.eye(d)
-        rows.append(row)
-        data.append(right)
-
-    for i in range(count):
-        normal = -gradients[i, d] / (factorial(d - 1) * count)  # times the area of the facet
-        for a in range(d):
-            add(traction(i, a, normal), d * i + a)
-    for i, j in combinations(range(count), 2):
-        normal = gradients[i, list(facets[i]).index(j)]
-        normal = normal / np.linalg.norm(normal)
-        places = [(list(facets[i]).index(k), list(facets[j]).index(k)) for k in range(count) if k not in (i, j)]
-        for first, second in (*places, (d, d)):
-            add(traction(i, first, normal) - traction(j, second, normal))
-    for i in range(count):
-        add(np.sum([traction(i, corner, gradients[i, corner]) for corner in range(count)], axis=0), d * count + i)
-    conditions, right = np.concatenate(rows), np.concatenate(data)
+    outer, inner, divergences = equations(d, 1)
+    conditions = np.concatenate((outer, inner, divergences))
+    right = np.zeros((len(conditions), len(outer) + len(divergences)))
+    right[: len(outer), : len(outer)] = np.eye(len(outer))
+    right[-len(divergences) :, len(outer) :] = np.eye(len(divergences))
     return np.linalg.pinv(conditions) @ right, np.column_stack((conditions, right))
 
 

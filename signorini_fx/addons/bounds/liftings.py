@@ -29,29 +29,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from itertools import combinations, permutations, product
-from math import factorial, prod
+from itertools import permutations, product
+from math import factorial
 
+import basix
 import numpy as np
 
 from signorini_fx.addons.bounds.johnson_mercier import (
     LocalStress,
+    equations,
     forces_of_parts,
-    slopes_of_parts,
-    tensor_times,
     turn_of,
 )
 from signorini_fx.addons.bounds.simplices import (
+    CELLS,
     CORNERS_OF_PARTS,
-    EDGES,
     EPS,
-    FACETS,
     ROWS,
     TWICE,
     Array,
     Ints,
     Moduli,
     Simplices,
+    lagrange,
     motions_of,
 )
 from signorini_fx.tuned import ROUNDED_FORMS
@@ -231,71 +231,23 @@ def _reference_liftings(d: int) -> Array:
     the j-th unit vector and Q l_j the constants on the parts with its moments, number d i + j: at the vertices and the
     middles of the edges, in the order of ``EDGES``, of the parts, shape (d^2, d + 1, nodes, 3 or 6).
     """
-    count, components = d + 1, len(ROWS[d])
-    nodes = [*combinations(range(count), 1), *combinations(range(count), 2)]
-    slopes = slopes_of_parts(d)
-    # Vertices of the parts: those of the cell, and its centroid with the number d + 1.
-    numbers = [[*map(int, facet), count] for facet in FACETS[d]]
-    sides: dict[tuple[int, ...], list[int]] = {}
-    for part in range(count):
-        for facet in FACETS[d]:
-            sides.setdefault(tuple(sorted(numbers[part][k] for k in facet)), []).append(part)
-    rows = []
-    for facet, beside in sides.items():
-        opposite = next(k for k, number in enumerate(numbers[beside[0]]) if number not in facet)
-        normal = slopes[beside[0], opposite]
-        for node in (*combinations(facet, 1), *combinations(facet, 2)):
-            row = np.zeros((d, count, len(nodes), components))
-            for sign, part in zip((1, -1), beside, strict=False):
-                local = tuple(sorted(numbers[part].index(vertex) for vertex in node))
-                row[:, part, nodes.index(local)] = sign * tensor_times(normal)
-            rows.append(row.reshape(d, -1))
-    for part in range(count):
-        for corner in range(count):
-            row = np.zeros((d, count, len(nodes), components))
-            gradients = _slopes_at(corner, d) @ slopes[part]
-            row[:, part] = np.stack([tensor_times(gradient) for gradient in gradients], axis=1)
-            rows.append(row.reshape(d, -1))
+    count, equilibrium = d + 1, equations(d, 2)
     moments = _mass(count)
     beside_constants = CORNERS_OF_PARTS[d] - (forces_of_parts(d) @ moments)[:, None]
     forces = np.einsum("pcj,ai->pcaij", beside_constants[..., 1:], np.eye(d)).reshape(-1, d * d)
-    matrix = np.concatenate(rows)
+    matrix = np.concatenate(equilibrium)
     right = np.concatenate((np.zeros((len(matrix) - len(forces), d * d)), -forces))
     liftings = np.linalg.pinv(matrix) @ right
-    return np.asarray(liftings.T.reshape(d * d, count, len(nodes), components))
-
-
-def _slopes_at(corner: int, d: int) -> Array:
-    """Derivatives of the functions of degree 2 of vertices and edges by the barycentric coordinates at a corner."""
-    at = np.eye(d + 1)[corner]
-    edges = np.zeros((len(EDGES[d]), d + 1))
-    first, second = EDGES[d].T
-    rows = np.arange(len(EDGES[d]))
-    edges[rows, first], edges[rows, second] = 4 * at[second], 4 * at[first]
-    return np.concatenate((np.diag(4 * at - 1), edges))
+    return np.asarray(liftings.T.reshape(d * d, count, -1, len(ROWS[d])))
 
 
 @cache
 def _products(d: int) -> Array:
     """Means over the cell of the products of the components c and e of the liftings i and j, shape (c, e, i, j)."""
     liftings = _reference_liftings(d)
-    first, second = EDGES[d].T
-    count = d + 1
-
-    def mean(exponents: list[int]) -> float:
-        """Of a product of powers of barycentric coordinates over a simplex."""
-        return factorial(d) * prod(map(factorial, exponents)) / factorial(d + sum(exponents))
-
-    # Functions of degree 2 as sums of products of two coordinates.
-    pairs = [(a, b) for a in range(count) for b in range(a, count)]
-    of_pairs = np.zeros((count + len(EDGES[d]), len(pairs)))
-    for a in range(count):  # l (2 l - 1) = l^2 - l times the sum of the others
-        for b in range(count):
-            of_pairs[a, pairs.index((min(a, b), max(a, b)))] += 1.0 if a == b else -1.0
-    for row, (a, b) in enumerate(zip(first, second, strict=True), start=count):
-        of_pairs[row, pairs.index((int(a), int(b)))] = 4.0
-    means = np.array([[mean([(*p, *q).count(k) for k in range(count)]) for q in pairs] for p in pairs])
-    mass = of_pairs @ means @ of_pairs.T / count
+    points, weights = basix.make_quadrature(CELLS[d], 4)
+    values, _ = lagrange(d, 2, points)
+    mass = values.T @ (weights[:, None] * values) / weights.sum() / (d + 1)
     return np.einsum("ipac,ab,jpbe->ceij", liftings, mass, liftings, optimize=True)
 
 

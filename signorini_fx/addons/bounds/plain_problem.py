@@ -14,6 +14,7 @@ from signorini_fx.addons.bounds.scene_arrays import Rows
 from signorini_fx.addons.bounds.simplices import (
     EDGES,
     EDGES_OF_FACET,
+    OF_QUARTERS,
     TWICE,
     Array,
     Ints,
@@ -24,11 +25,15 @@ from signorini_fx.addons.bounds.simplices import (
 )
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
-# Values at both ends and in the middle of the linear function whose moments with linear ones are those that Simpson's
-# rule has from nodal values.
-_LINEAR: Array = np.array([[4, 4, -2], [1, 4, 1], [-2, 4, 4]]) / 6
-# The order of the middles of both halves of an edge, and of its own middle, among its points at fourths.
-_OF_HALVES = np.array([[3, 6, -1], [-1, 6, 3]]) / 8
+# Values at both ends of the linear function whose moments with linear ones are those that Simpson's rule has from nodal
+# values, those at the ends first.
+_LINEAR: Array = np.array([[4, -2, 4], [-2, 4, 4]]) / 6
+# Of functions of degree 1 and 2 on an edge, by the number of their values at ends and middle, the values on its halves,
+# which end with its middle, as that has the higher number.
+_ON_HALVES: dict[int, Array] = {
+    2: np.array([[[2, 0], [1, 1]], [[0, 2], [1, 1]]]) / 2,
+    3: np.array([[[8, 0, 0], [0, 0, 8], [3, -1, 6]], [[0, 8, 0], [0, 0, 8], [-1, 3, 6]]]) / 8,
+}
 
 
 @dataclass
@@ -103,11 +108,7 @@ class PlainProblem:
         if d == 2 and degree == 2:
             # The stress is linear: on four triangles it is as accurate as that of degree 2.
             self.t, self.y, self.middle, self._halves = divide(t, y, middle)
-            inner = body[:, [[1, 2], [0, 2], [0, 1]]].mean(axis=2)  # at the middles opposite the corners
-            at_corners = [
-                np.stack([body[:, i] if j == i else inner[:, 3 - i - j] for j in range(3)], 1) for i in range(3)
-            ]
-            body = np.concatenate((*at_corners, inner))
+            body = np.einsum("kab,nbd->knad", OF_QUARTERS, body).reshape(-1, 3, 2)
         else:
             self.t, self.y, self.middle = t, y, middle
         self.body = body
@@ -161,25 +162,14 @@ class PlainProblem:
         return facets, ordered
 
     def _on_halves(self, facets: Ints, values: Array) -> tuple[Ints, Array]:
-        """Facets of the cells from undivided ones, and linear functions on them, see ``_placed``."""
+        """Facets of the cells from undivided ones, and values of polynomials at vertices, or at middles too, of these,
+        see ``_placed``.
+        """
         halves = self._halves[facets]
         if halves.shape[1] == 1:
             return halves[:, 0], values
-        middle = values.mean(axis=1)
-        # Each half of a facet ends with its middle, which has the higher number.
-        return halves.ravel(), np.stack((values[:, 0], middle, values[:, 1], middle), axis=1).reshape(
-            -1, 2, *values.shape[2:]
-        )
-
-    def _quadratics(self, facets: Ints, values: Array) -> tuple[Ints, Array]:
-        """The same of polynomials of degree 2 from values at vertices and middles: values of the halves there."""
-        halves = self._halves[facets]
-        if halves.shape[1] == 1:
-            return halves[:, 0], values
-        first, last, middle = values[:, 0], values[:, 1], values[:, 2]
-        between = values[:, [0, 2, 1]] @ _OF_HALVES.T
-        halved = np.stack((first, middle, between[:, 0], last, middle, between[:, 1]), axis=1)
-        return halves.ravel(), halved.reshape(-1, 3)
+        halved = np.einsum("hab,fb...->fha...", _ON_HALVES[values.shape[1]], values)
+        return halves.ravel(), halved.reshape(-1, *values.shape[1:])
 
     def _supports(self, middle: Array, y: Array) -> Array:
         """Projectors onto the directions that supports hold, where the displacement is what they prescribe."""
@@ -201,7 +191,7 @@ class PlainProblem:
         t, rows, d = self.t, self._rows, self.t.dimension
         undivided, (gap, bound) = self._placed(rows[f"slave {number}"], rows[f"gap {number}"], rows[f"bound {number}"])
         towards = np.repeat(rows[f"towards {number}"], self._halves.shape[1], axis=0)
-        facets, gap = self._quadratics(undivided, gap)
+        facets, gap = self._on_halves(undivided, gap)
         _, bound = self._on_halves(undivided, bound)
         if f"master {number}" in rows:
             opposite, _ = self._placed(rows[f"master {number}"])
@@ -230,21 +220,21 @@ class PlainProblem:
         """At the vertices of facets of a contact, shape (m, d, ...), linear functions with values at its points, zero
         elsewhere; on halved facets with the moments of the nodal rule, or not negative with its resultants.
         """
-        t, facets = self.t, self._halves[undivided]
+        t, given = self.t, self._given
         # Of this side alone: vertices of the other body may be at the same places.
-        vertices, nodal = np.unique(t.facets[facets]), np.zeros((len(t.x), *values.shape[1:]))
-        nodal[vertices[cKDTree(t.x[vertices]).query(points)[1]]] = values
-        tractions = nodal[t.facets[facets]]  # (f, halves, d, ...)
-        if facets.shape[1] == 2:
-            # Each half of a facet ends with its middle, which has the higher number.
-            together = np.concatenate((tractions[:, 0], tractions[:, 1, :1]), axis=1)  # an end, the middle, an end
-            together = np.einsum("ab,mb...->ma...", _LINEAR, together)
+        nodes = given.facets[undivided]
+        if len(t.x) > len(given.x):  # the middles of edges are vertices of the halves
+            nodes = np.concatenate((nodes, len(given.x) + given.edges_of_facets[undivided]), axis=1)
+        own, nodal = np.unique(nodes), np.zeros((len(t.x), *values.shape[1:]))
+        nodal[own[cKDTree(t.x[own]).query(points)[1]]] = values
+        tractions = nodal[nodes]
+        if len(t.x) > len(given.x):
+            tractions = np.einsum("ab,mb...->ma...", _LINEAR, tractions)
             if positive:  # with the resultant of each facet, of which a thin body takes notice
-                cut = together.clip(min=0.0)
-                share = together @ [0.25, 0.5, 0.25] / np.maximum(cut @ [0.25, 0.5, 0.25], np.finfo(float).tiny)
-                together = cut * share.clip(0.0, 1.0)[:, None]
-            tractions = np.stack((together[:, :2], together[:, [2, 1]]), axis=1)
-        return tractions.reshape(-1, *tractions.shape[2:])
+                cut = tractions.clip(min=0.0)
+                share = tractions.sum(axis=1) / np.maximum(cut.sum(axis=1), np.finfo(float).tiny)
+                tractions = cut * share.clip(0.0, 1.0)[:, None]
+        return self._on_halves(undivided, tractions)[1]
 
     def _apart(self, number: int, parts: ContactParts) -> Array:
         """The gap along the normal between both sides at vertices and middles of edges of the parts, (m, 3 or 6)."""

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any, TypeVar
 
-import basix
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.addons.bounds.bounded_scene import factors_of, refused, switches
-from signorini_fx.addons.bounds.simplices import COLUMNS, EDGES, EDGES_OF_FACET, ROWS, Array, Ints
+from signorini_fx.addons.bounds.simplices import COLUMNS, EDGES, EDGES_OF_FACET, FACETS, ROWS, Array, Ints
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -98,9 +97,8 @@ class _Facets:
         mesh, d = model.tagged.mesh, model.tagged.dimension
         entities = facet_entities(mesh, facets).astype(np.int64)
         entities = entities[entities[:, 0] < mesh.topology.index_map(d).size_local]
-        of_cell = np.array(basix.topology(getattr(basix.CellType, mesh.topology.cell_name()))[d - 1])
         cells = np.asarray(compat.geometry_cells(mesh), dtype=np.int64)[entities[:, 0]]
-        nodes = np.take_along_axis(cells, of_cell[entities[:, 1]], axis=1)
+        nodes = np.take_along_axis(cells, FACETS[d][entities[:, 1]], axis=1)
         x = np.asarray(mesh.geometry.x[nodes][..., :d], dtype=np.float64)
         along = x[:, 1:] - x[:, :1]
         scaled = np.column_stack((along[:, 0, 1], -along[:, 0, 0])) if d == 2 else np.cross(along[:, 0], along[:, 1])
@@ -143,14 +141,10 @@ class _SceneRows:
 
     def _displacement(self, y: fem.Function) -> Rows:
         """At corners, and at the middles of edges in the order of ``EDGES``."""
-        d, cell_type = self._d, self._model.tagged.mesh.topology.cell_name()
+        d = self._d
         values = y.x.array.reshape(-1, d)[y.function_space.dofmap.list[: self._count]]
-        at, middles = values[:, : d + 1], values[:, : d + 1][:, EDGES[d]].mean(axis=2)
-        if values.shape[1] > d + 1:
-            edges = np.array(basix.topology(getattr(basix.CellType, cell_type))[1])
-            order = [int((edges == edge).all(axis=1).argmax()) for edge in EDGES[d]]
-            middles = values[:, d + 1 :][:, order]
-        return {"displacement": at, "middle": middles}
+        at, middles = np.split(values, [d + 1], axis=1)
+        return {"displacement": at, "middle": middles if middles.size else at[:, EDGES[d]].mean(axis=2)}
 
     def _moduli(self) -> Rows:
         """Lame's parameters, or stiffness in the components ``ROWS`` and ``COLUMNS``, of the cells."""

@@ -8,29 +8,33 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 from math import factorial
 
+import basix
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
+
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 EPS = float(np.finfo(float).eps)
 
-# By dimension: corners of the facet opposite each corner, and of each edge.
-FACETS: dict[int, Ints] = {
-    d: np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)], dtype=np.int64) for d in (2, 3)
-}
+# By dimension: reference cells, and the corners of the facet opposite each corner, and of each edge.
+CELLS = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
+FACETS: dict[int, Ints] = {d: np.array(basix.topology(CELLS[d])[d - 1], dtype=np.int64) for d in (2, 3)}
+EDGES: dict[int, Ints] = {d: np.array(basix.topology(CELLS[d])[1], dtype=np.int64) for d in (2, 3)}
 # Barycentric places of the corners of each part of a cell, the centre of the cell last, shape (d + 1, d + 1, d + 1).
 CORNERS_OF_PARTS: dict[int, Array] = {
     d: np.array([[*np.eye(d + 1)[facet], np.full(d + 1, 1 / (d + 1))] for facet in FACETS[d]]) for d in (2, 3)
 }
-EDGES: dict[int, Ints] = {d: np.array(list(combinations(range(d + 1), 2)), dtype=np.int64) for d in (2, 3)}
 # Vertices of the edges of a facet; in 3D the i-th is opposite its i-th vertex.
 EDGES_OF_FACET: dict[int, Ints] = {2: np.array([[0, 1]]), 3: np.array([[1, 2], [0, 2], [0, 1]])}
+# Corners of the quarters of a triangle among its own and the middles of its edges, and their barycentric places.
+QUARTERS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]])
+OF_QUARTERS: Array = np.concatenate((np.eye(3), (1 - np.eye(3)) / 2))[QUARTERS]
 # Rows and columns of the components (xx, yy, xy) or (xx, yy, zz, yz, xz, xy) of symmetric tensors, and how often each
 # one counts.
 ROWS: dict[int, Ints] = {2: np.array([0, 1, 0]), 3: np.array([0, 1, 2, 1, 0, 0])}
@@ -208,7 +212,7 @@ class Simplices:
         bubble = middle[self.edges_of] - first - at[:, EDGES[d]].mean(axis=2)
         gradient = np.repeat(np.einsum("nid,nij->ndj", at, g)[:, None], d + 1, axis=1)
         if np.any(bubble):
-            for k, (a, b) in enumerate(combinations(range(d + 1), 2)):  # 4 l_a l_b
+            for k, (a, b) in enumerate(EDGES[d]):  # 4 l_a l_b
                 gradient[:, a] += 4 * bubble[:, k, :, None] * g[:, b, None]
                 gradient[:, b] += 4 * bubble[:, k, :, None] * g[:, a, None]
         rows, columns = ROWS[d], COLUMNS[d]
@@ -239,12 +243,7 @@ def with_hats(values: Array, measure: Array) -> Array:
 def motions_of(arm: Array) -> Array:
     """Translations and rotations at places of some arms, shape (..., d) to (..., d, 3 or 6)."""
     d = arm.shape[-1]
-    turns = list(combinations(range(d), 2))
-    modes = np.zeros((*arm.shape, d + len(turns)))
-    modes[..., :d] = np.eye(d)
-    for turn, (i, j) in enumerate(turns, start=d):
-        modes[..., i, turn], modes[..., j, turn] = -arm[..., j], arm[..., i]
-    return modes
+    return rigid_modes(arm.reshape(-1, d), np.zeros(d), np.array(1.0)).reshape(*arm.shape, -1)
 
 
 def closest_linear(moments: Array) -> Array:
@@ -255,28 +254,31 @@ def closest_linear(moments: Array) -> Array:
     return np.asarray(count * (count + 1) * moments - count * moments.sum(axis=1, keepdims=True))
 
 
+def lagrange(d: int, degree: int, points: Array) -> tuple[Array, Array]:
+    """Of the functions of a degree of vertices, and of edges, at points of the reference cell: values, and derivatives
+    by its axes, shapes (points, nodes) and (d, points, nodes).
+    """
+    element = basix.create_element(basix.ElementFamily.P, CELLS[d], degree, basix.LagrangeVariant.gll_warped)
+    tables = element.tabulate(1, points)[..., 0]
+    return tables[0], tables[1:]
+
+
 def divide(t: Simplices, y: Array, middle: Array) -> tuple[Simplices, Array, Array, Ints]:
-    """Each triangle in four by the middles of its edges, with a displacement of degree 2 at vertices, y, and at the
-    middles of edges, length, shapes (v, 2) and (e, 2).
+    """Each triangle in four by the middles of its edges, see ``QUARTERS``, with a displacement of degree 2 at vertices,
+    y, and at the middles of edges, length, shapes (v, 2) and (e, 2).
 
     Returns:
         Four times as many triangles, the first ones at the first corners; the displacement at their vertices, of which
         the first v are the given ones and the next e the middles; at the middles of their edges; and the halves of
         each given edge, that at its first end first, shape (e, 2).
     """
-    first, m = len(t.x), t.facets_of + len(t.x)
-    corners = [np.column_stack([t.corners[:, i] if j == i else m[:, 3 - i - j] for j in range(3)]) for i in range(3)]
-    x = np.concatenate((t.x, t.x[t.edges].mean(axis=1)))
-    divided = Simplices(x, np.concatenate((*corners, m)), t.moduli.of(np.tile(np.arange(len(t.corners)), 4)), 4)
-    keys = divided.keys(divided.edges)
+    nodes, middles = np.column_stack((t.corners, len(t.x) + t.edges_of)), len(t.x) + np.arange(len(t.edges))
+    x, nodal = (np.concatenate(values) for values in ((t.x, t.x[t.edges].mean(axis=1)), (y, middle)))
+    moduli = t.moduli.of(np.tile(np.arange(len(t.corners)), 4))
+    divided = Simplices(x, nodes[:, QUARTERS].transpose(1, 0, 2).reshape(-1, 3), moduli, 4)
+    values, _ = lagrange(2, 2, OF_QUARTERS[:, EDGES[2]].mean(axis=2).reshape(-1, 3)[:, 1:])
     between = np.zeros((len(divided.edges), 2))
-    middles = first + np.arange(len(t.edges))
-    halves = np.stack([np.searchsorted(keys, divided.keys(np.column_stack((t.edges[:, k], middles)))) for k in (0, 1)])
-    for k in (0, 1):
-        between[halves[k]] = (3 * y[t.edges[:, k]] + 6 * middle - y[t.edges[:, 1 - k]]) / 8
-    at, mid = y[t.corners], middle[t.facets_of]
-    for i, (j, k) in enumerate(((1, 2), (0, 2), (0, 1))):  # between the middles of the edges opposite the other corners
-        between[np.searchsorted(keys, divided.keys(np.sort(m[:, [j, k]], axis=1)))] = (
-            mid[:, i] / 4 + (mid[:, j] + mid[:, k]) / 2 - (at[:, j] + at[:, k]) / 8
-        )
-    return divided, np.concatenate((y, middle)), between, halves.T
+    between[divided.edges_of] = np.einsum("ken,cnd->kced", values.reshape(4, 3, 6), nodal[nodes]).reshape(-1, 3, 2)
+    keys = divided.keys(divided.edges)
+    halves = [np.searchsorted(keys, divided.keys(np.column_stack((t.edges[:, k], middles)))) for k in (0, 1)]
+    return divided, nodal, between, np.column_stack(halves)
