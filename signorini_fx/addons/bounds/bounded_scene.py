@@ -36,16 +36,6 @@ def refused(*names: str) -> Refused:
     return Refused(f"{BOUNDED}; this scene has {', '.join(dict.fromkeys(names))}")
 
 
-def refuse_unknown(model: Model) -> None:
-    """Raise where the scene has something without a bound, which the statement or the mesh tells; collective.
-
-    Raises:
-        Refused: with the names of all of it.
-    """
-    if names := list(_unbounded(model)):
-        raise refused(*names)
-
-
 def _is_polynomial(value: Any, degree: int) -> bool:
     """Whether a value of a scene is a polynomial of the position of a degree at most."""
     if isinstance(value, Expression):
@@ -113,8 +103,8 @@ def _degree(node: ast.expr) -> float:
     return 0.0 if max(degrees, default=0.0) == 0 else math.inf
 
 
-def _unbounded(model: Model) -> Iterator[str]:
-    """The names of what has no bound."""
+def unbounded(model: Model) -> Iterator[str]:
+    """The names of what of a scene has no bound, which the statement or the mesh tells."""
     mesh, statement = model.tagged.mesh, model.statement
     if "guaranteed bound" in model.kinematics.refuses:
         yield model.kinematics.words

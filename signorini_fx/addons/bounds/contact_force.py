@@ -19,10 +19,9 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
-from signorini_fx.addons.bounds.error_bound import ROUND_OFF, Bounded, bounded, known_contact
+from signorini_fx.addons.bounds.error_bound import ROUND_OFF, Bounded, proved
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain
 from signorini_fx.addons.bounds.linear_displacement import Given, free_motions, smallest_energy
-from signorini_fx.addons.bounds.scene_arrays import on_first_rank
 from signorini_fx.addons.bounds.simplices import TWICE, Array
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
@@ -51,13 +50,7 @@ def force(
         step: the place of the load step in the lists of factors.
     """
     along = np.asarray(direction, dtype=np.float64)
-    try:
-        state = known_contact(model, contact)
-        return on_first_rank(
-            model, y, state, step, lambda rows: _interval(bounded(model, rows), boundary, along), named=boundary
-        )
-    except Refused as refused:
-        return str(refused)
+    return proved(model, y, contact, step, lambda problem: _interval(problem, boundary, along), named=boundary)
 
 
 def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:

@@ -137,11 +137,8 @@ class ContactParts:
         facets.
         """
         areas = area[self.facets[side]]
-        closest = closest_linear(self.moments(with_hats(traction, self.area), side) / areas[:, None, None])
-        squares, kept_squares = np.zeros(len(areas)), np.einsum("fai,fai->f", with_hats(closest, areas), closest)
-        np.add.at(squares, self.row[side], np.einsum("mki,mki->m", with_hats(traction, self.area), traction))
-        share = np.divide(squares - kept_squares, squares, out=np.zeros_like(squares), where=squares > 0)
-        return closest, share
+        closest, missed, squares = _closest(traction, self.area, self.local[side], self.row[side], areas)
+        return closest, np.divide(missed, squares, out=np.zeros_like(squares), where=squares > 0)
 
     def projected_on_pieces(
         self, traction: Array, side: int, rows: Ints, pieces: Array, areas: Array
@@ -169,14 +166,23 @@ class ContactParts:
         area = factorial(d - 1) * np.abs(_sizes(corners)) * areas[owner]
         values = _barycentric(at[first], corners) @ traction[part]
         local = _barycentric(flat[piece], corners)
-        integrals, squares = np.zeros((len(rows), count, d, d)), np.zeros(len(rows))
-        hats = with_hats(values, area)
-        np.add.at(integrals, (owner, piece), local.transpose(0, 2, 1) @ hats)
-        np.add.at(squares, owner, np.einsum("mki,mki->m", hats, values))
-        mean = integrals / (areas / count)[:, None, None, None]
-        closest = closest_linear(mean.reshape(-1, d, d)).reshape(mean.shape)
-        missed = squares - np.einsum("npai,npai->n", integrals, closest)
-        return closest, missed.clip(min=0.0) + 64 * EPS * squares
+        numbers, sizes = owner * count + piece, np.repeat(areas / count, count)
+        closest, *of_pieces = _closest(values, area, local, numbers, sizes)
+        missed, squares = (squares.reshape(-1, count).sum(axis=1) for squares in of_pieces)
+        return closest.reshape(-1, count, d, d), missed.clip(min=0.0) + 64 * EPS * squares
+
+
+def _closest(values: Array, area: Array, local: Array, owner: Ints, areas: Array) -> tuple[Array, Array, Array]:
+    """Of functions that are linear on parts, given at their vertices, the closest ones that are linear on their owners,
+    at the vertices of these, and integrals over them of the squares of the difference and of the functions; ``area``:
+    of the parts; ``local``: barycentric coordinates of their vertices in the owners; ``areas``: of the owners.
+    """
+    hats, shape = with_hats(values, area), (len(areas), *values.shape[1:])
+    integrals, squares = np.zeros(shape), np.zeros(len(areas))
+    np.add.at(integrals, owner, local.transpose(0, 2, 1) @ hats)
+    np.add.at(squares, owner, np.einsum("mki,mki->m", hats, values))
+    closest = closest_linear(integrals / areas[:, None, None])
+    return closest, squares - np.einsum("fai,fai->f", integrals, closest), squares
 
 
 def _shared(first: Array, second: Array) -> tuple[Array, Ints]:

@@ -60,24 +60,22 @@ def _moments(t: Simplices, local: LocalStress, held: Array, alone: Array, loads:
     basis = free_basis(vectors, values > 0.5)
     held_values = (prescribed @ held).ravel()
     modes = free_motions(t, held).reshape(len(t.x), d, -1)[t.facets.ravel()].reshape(size, -1)
-    upper = _tied(sp.csr_matrix(basis.T @ matrix @ basis), basis.T @ modes)
+    tied = _tied(sp.csr_matrix(basis.T @ matrix @ basis), basis.T @ modes)
     forces = np.bincount(places.ravel(), alone.ravel(), size) + matrix @ held_values
-    u = held_values + basis @ solved(upper, basis.T @ (loads.ravel() - forces))
+    u = held_values + basis @ solved(tied, basis.T @ (loads.ravel() - forces))
     moments = (compliance @ u[places][:, :, None])[:, :, 0] + alone
     return np.asarray(moments.reshape(len(t.corners), d + 1, d, d))
 
 
 def _tied(matrix: sp.csr_matrix, modes: Array) -> sp.csr_matrix:
-    """The upper half with as many tied unknowns as free motions, where balanced loads cause no force."""
+    """The matrix with as many tied unknowns as free motions, where balanced loads cause no force."""
     diagonal, pins = matrix.diagonal(), np.zeros(matrix.shape[0])
     for _ in range(modes.shape[1]):
         pin = int(np.argmax(np.linalg.norm(modes, axis=1)))
         unit = modes[pin] / np.linalg.norm(modes[pin])
         modes = modes - np.outer(modes @ unit, unit)
         pins[pin] = float(diagonal[pin])
-    upper = sp.triu(matrix + sp.diags_array(pins), format="csr")
-    upper.sort_indices()
-    return upper
+    return sp.csr_matrix(matrix + sp.diags_array(pins))
 
 
 def _round_off(

@@ -13,14 +13,16 @@ are convex.  |v_t| is at most the quadratic with the sizes of the coefficients o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from dolfinx import fem
 
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
-from signorini_fx.addons.bounds.bounded_scene import refuse_unknown
+from signorini_fx.addons.bounds.bounded_scene import refused, unbounded
 from signorini_fx.addons.bounds.contact_displacement import admissible
 from signorini_fx.addons.bounds.contact_parts import MASTER, POINTS, SLAVE, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, equilibrated
@@ -37,6 +39,7 @@ from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import ErrorBound, Refused
 from signorini_fx.tuned import DIVISIONS, PARTS_OF_EDGE
 
+T = TypeVar("T")
 # Share of displacements and forces below which they are round-off.
 ROUND_OFF = 64 * EPS
 # Linear functions on a facet with the moments of 4 l_a l_b: at a and b, and at the third vertex.
@@ -61,28 +64,36 @@ def error_bound(model: Model, y: fem.Function, contact: ContactState | None, ste
         contact: the contact points.
         step: the place of the load step in the lists of factors.
     """
-    try:
-        bound = on_first_rank(model, y, known_contact(model, contact), step, lambda rows: bounded(model, rows).bound())
-    except Refused as refused:
-        return str(refused)
+    bound = proved(model, y, contact, step, lambda problem: problem.bound())
+    if isinstance(bound, str):
+        return bound
     own = model.tagged.mesh.topology.index_map(model.tagged.dimension).local_range
     return replace(bound, squares=bound.squares[slice(*own)])
 
 
-def known_contact(model: Model, contact: ContactState | None) -> ContactState | None:
-    """The contact, of a scene that has nothing without a bound; collective."""
-    refuse_unknown(model)
-    outside = contact is not None and bool(pushed(contact.held_inside, model.tagged.size).any())
-    if parallel.any_rank(model.comm, outside):
-        raise Refused("supports push the body into its foundation")
-    return contact
-
-
-def bounded(model: Model, rows: Rows) -> Bounded:
-    """The problem of the arrays of all ranks."""
+def proved(
+    model: Model,
+    y: fem.Function,
+    contact: ContactState | None,
+    step: float,
+    prove: Callable[[Bounded], T],
+    named: str | None = None,
+) -> T | str:
+    """What ``prove`` says of a solution, which can be sent, on all ranks, or why there are no bounds; ``named``: a
+    boundary whose facets it looks at; collective.
+    """
     # The mesh may stand for a body with arcs.
     assumed = "of the body with the straight cells of the mesh" if model.statement.arcs else ""
-    return Bounded(rows, model.space.element.basix_element.degree, assumed)
+    degree = model.space.element.basix_element.degree
+    try:
+        if names := list(unbounded(model)):
+            raise refused(*names)
+        outside = contact is not None and bool(pushed(contact.held_inside, model.tagged.size).any())
+        if parallel.any_rank(model.comm, outside):
+            raise Refused("supports push the body into its foundation")
+        return on_first_rank(model, y, contact, step, lambda rows: prove(Bounded(rows, degree, assumed)), named)
+    except Refused as refusal:
+        return str(refusal)
 
 
 class Bounded(PlainProblem):

@@ -39,10 +39,8 @@ def smallest_energy(t: Simplices, given: list[Given]) -> tuple[Array, float]:
     start = np.einsum("nik,nk->ni", turn, np.where(fixed, along, 0.0))
     matrix, basis = _stiffness(t), free_basis(turn, fixed)
     if basis.shape[1]:
-        upper = sp.triu(basis.T @ matrix @ basis, format="csr")
-        upper.sort_indices()
         force = -(matrix @ start.ravel())
-        start += (basis @ solved(upper, basis.T @ force)).reshape(-1, d)
+        start += (basis @ solved(basis.T @ matrix @ basis, basis.T @ force)).reshape(-1, d)
     missed = [
         np.einsum("fij,faj->fai", projectors, start[t.facets[facets]] - displacement)
         for facets, projectors, displacement in given
@@ -98,13 +96,14 @@ def free_motions(t: Simplices, held: Array) -> Array:
     return np.concatenate(bases, axis=1)
 
 
-def solved(upper: sp.csr_matrix, right: Array) -> Array:
-    """The solution by the fastest factorisation that this PETSc has, shape (n,); ``upper``: the upper half of the
-    matrix, its diagonal included, indices sorted.
+def solved(symmetric: sp.csr_matrix, right: Array) -> Array:
+    """The solution by the fastest factorisation that this PETSc has, shape (n,).
 
     Raises:
         PETSc.Error: the factorisation broke down.
     """
+    upper = sp.triu(symmetric, format="csr")
+    upper.sort_indices()
     rows, columns = (array.astype(PETSc.IntType) for array in (upper.indptr, upper.indices))
     matrix = PETSc.Mat().createSBAIJ(upper.shape, 1, csr=(rows, columns, upper.data), comm=MPI.COMM_SELF)
     solver = PETSc.KSP().create(MPI.COMM_SELF)

@@ -114,12 +114,10 @@ class PlainProblem:
         self.body = body
         self.held = self._supports(middle, y)
         self.traction: Array = np.zeros((len(self.t.facets), d, d))
-        facets, (values,) = self._placed(rows["loaded"], rows["traction"])
-        facets, values = self._on_halves(facets, values)
+        facets, values = self._on_halves(self._placed("loaded"), rows["traction"])
         np.add.at(self.traction, facets, values)
         self.traction = self.traction @ (np.eye(d) - self.held)
-        named, _ = self._placed(rows["named"])
-        self.named: Ints = self._halves[named].ravel()
+        self.named: Ints = self._halves[self._placed("named")].ravel()
         count = sum(name.startswith("slave ") for name in rows)
         self.contacts = [self._contact(number) for number in range(count)] if "point" in rows else []
 
@@ -134,37 +132,22 @@ class PlainProblem:
         on_facets = np.einsum("fad,fad->", with_hats(self.traction, t.area), y[t.facets])
         return float(on_facets + np.einsum("ncd,ncd->", self.body_moments, y[t.corners]))
 
-    def on_facets(self, y: Array, middle: Array, facets: Ints) -> Array:
-        """Coefficients of Bernstein of a displacement of degree 2 on facets, length, shape (m, 3 or 6, d)."""
-        nodal = np.concatenate((y[self.t.facets[facets]], middle[self.t.edges_of_facets[facets]]), axis=1)
-        return coefficients(nodal)
-
     def relative(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
         """Coefficients of Bernstein of a displacement of degree 2 relative to the other body, on parts."""
-        parts = surface.parts
-        of_sides = [parts.restricted(self.on_facets(y, middle, parts.facet(side)), side) for side in parts.sides]
+        parts, of_sides = surface.parts, list[Array]()
+        for side in parts.sides:
+            facets = parts.facet(side)
+            nodal = np.concatenate((y[self.t.facets[facets]], middle[self.t.edges_of_facets[facets]]), axis=1)
+            of_sides.append(parts.restricted(coefficients(nodal), side))
         return np.asarray(of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE])
 
-    def _placed(self, vertices: Ints, *values: Array) -> tuple[Ints, list[Array]]:
-        """Facets of the undivided cells from their vertices, and values at these, or at middles too, in their order."""
-        t, d = self._given, self._given.dimension
-        vertex_numbers = np.searchsorted(self._numbers, vertices)
-        order = np.argsort(vertex_numbers, axis=1)
-        facets = np.searchsorted(t.keys(t.facets), t.keys(np.take_along_axis(vertex_numbers, order, axis=1)))
-        ordered = []
-        for array in values:
-            places = order
-            if array.shape[1] > d:  # in 3D each edge is opposite a vertex
-                places = np.concatenate(
-                    (order, d + (order if d == 3 else np.zeros((len(order), 1), dtype=np.int64))), 1
-                )
-            ordered.append(np.take_along_axis(array, places.reshape(*places.shape, *[1] * (array.ndim - 2)), axis=1))
-        return facets, ordered
+    def _placed(self, name: str) -> Ints:
+        """Facets of the undivided cells from their vertices, ascending, which rows with a name are."""
+        t = self._given
+        return np.searchsorted(t.keys(t.facets), t.keys(np.searchsorted(self._numbers, self._rows[name])))
 
     def _on_halves(self, facets: Ints, values: Array) -> tuple[Ints, Array]:
-        """Facets of the cells from undivided ones, and values of polynomials at vertices, or at middles too, of these,
-        see ``_placed``.
-        """
+        """Facets of the cells from undivided ones, and values of polynomials at their vertices, or at middles too."""
         halves = self._halves[facets]
         if halves.shape[1] == 1:
             return halves[:, 0], values
@@ -174,8 +157,7 @@ class PlainProblem:
     def _supports(self, middle: Array, y: Array) -> Array:
         """Projectors onto the directions that supports hold, where the displacement is what they prescribe."""
         t, undivided, d = self.t, self._given, self.t.dimension
-        facets, (prescribed,) = self._placed(self._rows["supported"], self._rows["prescribed"])
-        direction = self._rows["direction"]
+        facets, prescribed, direction = self._placed("supported"), self._rows["prescribed"], self._rows["direction"]
         nodal = np.concatenate((y[undivided.facets[facets]], middle[undivided.edges_of_facets[facets]]), axis=1)
         missed = np.abs(np.einsum("mcd,md->mc", nodal, direction) - prescribed).max(initial=0.0)
         if missed > ZERO_IN_SOLUTION * max(np.abs(y).max(), np.abs(prescribed).max(initial=0.0)):
@@ -189,13 +171,12 @@ class PlainProblem:
     def _contact(self, number: int) -> FacetsInContact:
         """With admissible tractions near the nodal ones."""
         t, rows, d = self.t, self._rows, self.t.dimension
-        undivided, (gap, bound) = self._placed(rows[f"slave {number}"], rows[f"gap {number}"], rows[f"bound {number}"])
+        undivided = self._placed(f"slave {number}")
         towards = np.repeat(rows[f"towards {number}"], self._halves.shape[1], axis=0)
-        facets, gap = self._on_halves(undivided, gap)
-        _, bound = self._on_halves(undivided, bound)
+        facets, gap = self._on_halves(undivided, rows[f"gap {number}"])
+        _, bound = self._on_halves(undivided, rows[f"bound {number}"])
         if f"master {number}" in rows:
-            opposite, _ = self._placed(rows[f"master {number}"])
-            parts = ContactParts.between(t, facets, self._halves[opposite].ravel())
+            parts = ContactParts.between(t, facets, self._halves[self._placed(f"master {number}")].ravel())
             self._refuse_pair(number, parts, acts=bool(bound.any()))
         else:
             parts = ContactParts.on_foundation(t, facets, towards)
@@ -208,8 +189,10 @@ class PlainProblem:
         normal[parts.row[SLAVE]] = parts.normal
         shear, bound = shear[of_facets], bound[of_facets].clip(min=0.0)
         shear = onto_disc(shear - np.einsum("fad,fd,fe->fae", shear, normal, normal), bound)
-        given_gap = parts.restricted(coefficients(gap)[of_facets][parts.row[SLAVE]], SLAVE)
-        gap = given_gap + coefficients(self._apart(number, parts))
+        gap = parts.restricted(coefficients(gap)[of_facets][parts.row[SLAVE]], SLAVE)
+        if len(parts.facets) > 1 and rows[f"by geometry {number}"].any():
+            apart = self._away(parts)
+            gap += np.concatenate((apart, apart[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1)
         surface = FacetsInContact(parts, gap, bound, pressure[of_facets].clip(min=0.0), shear, 1.0)
         if surface.paired:
             soft = [float(t.moduli.stiffest[t.sides[side, 0]].mean()) for side in parts.facets]
@@ -235,14 +218,6 @@ class PlainProblem:
                 share = tractions.sum(axis=1) / np.maximum(cut.sum(axis=1), np.finfo(float).tiny)
                 tractions = cut * share.clip(0.0, 1.0)[:, None]
         return self._on_halves(undivided, tractions)[1]
-
-    def _apart(self, number: int, parts: ContactParts) -> Array:
-        """The gap along the normal between both sides at vertices and middles of edges of the parts, (m, 3 or 6)."""
-        d, count = self.t.dimension, len(parts.area)
-        if len(parts.facets) < 2 or not self._rows[f"by geometry {number}"].any():
-            return np.zeros((count, d + len(EDGES_OF_FACET[d])))
-        at = self._away(parts)
-        return np.concatenate((at, at[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1)
 
     def _away(self, parts: ContactParts) -> Array:
         """The distance of both sides along the normal at the vertices of the parts, length, shape (m, d)."""

@@ -39,8 +39,7 @@ def on_first_rank(
     prove: Callable[[Rows], T],
     named: str | None = None,
 ) -> T:
-    """What ``prove`` says of the arrays of all ranks, which can be sent, on all ranks; ``named``: a boundary whose
-    facets it looks at; ``step``: the place of the load step in the lists of factors; collective.
+    """What ``prove`` says of the arrays of all ranks, see ``error_bound.proved``; collective.
 
     Raises:
         Exception: what was raised on any rank, the same on all of them.
@@ -86,7 +85,7 @@ class _Facets:
     """Facets of the own cells of a rank."""
 
     cell: Ints  # of each, shape (m,)
-    vertices: Ints  # their global numbers, shape (m, d)
+    vertices: Ints  # their global numbers, ascending, shape (m, d)
     x: Array  # of these, length, shape (m, d, d)
     normal: Array  # outward, shape (m, d)
     area: Array  # shape (m,)
@@ -99,13 +98,16 @@ class _Facets:
         entities = entities[entities[:, 0] < mesh.topology.index_map(d).size_local]
         cells = np.asarray(compat.geometry_cells(mesh), dtype=np.int64)[entities[:, 0]]
         nodes = np.take_along_axis(cells, FACETS[d][entities[:, 1]], axis=1)
+        numbers = _numbers(model, nodes)
+        order = np.argsort(numbers, axis=1)
+        nodes, numbers = (np.take_along_axis(of_facets, order, axis=1) for of_facets in (nodes, numbers))
         x = np.asarray(mesh.geometry.x[nodes][..., :d], dtype=np.float64)
         along = x[:, 1:] - x[:, :1]
         scaled = np.column_stack((along[:, 0, 1], -along[:, 0, 0])) if d == 2 else np.cross(along[:, 0], along[:, 1])
         inside = mesh.geometry.x[cells][..., :d].mean(axis=1)
         scaled = scaled * np.sign(np.einsum("md,md->m", scaled, x[:, 0] - inside))[:, None]
         size = np.linalg.norm(scaled, axis=1)
-        return _Facets(entities[:, 0], _numbers(model, nodes), x, scaled / size[:, None], size / (d - 1))
+        return _Facets(entities[:, 0], numbers, x, scaled / size[:, None], size / (d - 1))
 
     def with_middles(self) -> Array:
         """Vertices and the middles of the edges, in the order of ``EDGES_OF_FACET``, length, shape (m, 3 or 6, d)."""
@@ -158,16 +160,12 @@ class _SceneRows:
         at_cells = moduli.x.array.reshape(-1, *moduli.ufl_shape)[moduli.function_space.dofmap.list[cells, 0]]
         return {"stiffness": at_cells[:, axes][:, :, axes]}
 
-    def _inside(self, region: str | None) -> npt.NDArray[np.bool_]:
-        """Which cells are in a region; None: all of them."""
-        cells = np.arange(self._count)
-        return np.ones(self._count, dtype=bool) if region is None else np.isin(cells, self._model.tagged.cells(region))
-
     def _loads(self, areas: list[float]) -> Rows:
         """Force per volume at corners, and per area at the vertices of facets."""
-        body, mass = np.zeros_like(self._x), np.zeros(self._count)
+        body, mass, cells = np.zeros_like(self._x), np.zeros(self._count), np.arange(self._count)
         for material in self._statement.material:
-            mass[self._inside(material.region)] = material.density or 0.0
+            inside = cells if material.region is None else np.isin(cells, self._model.tagged.cells(material.region))
+            mass[inside] = material.density or 0.0
         vertices: list[Ints] = [np.zeros((0, self._d), dtype=np.int64)]
         tractions: list[Array] = [np.zeros((0, self._d, self._d))]
         for listed, area in zip(self._statement.of(Force), areas, strict=True):
@@ -236,10 +234,9 @@ class _SceneRows:
             f"bound {number}": _from_inside(_sampled(bound, _inside(facets.x))),
         }
         if pair is not None:
-            first = parallel.is_root(self._model.comm)
             rows |= {
                 f"master {number}": _Facets.of(self._model, pair.sides.master.facets).vertices,
-                f"covered {number}": np.array([first * pair.coupling.met]),
+                f"covered {number}": np.array([parallel.is_root(self._model.comm) * pair.coupling.met]),
                 f"by geometry {number}": np.array([effect.distance == "geometry" and not effect.bonded]),
             }
         return rows
