@@ -33,7 +33,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import action
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, contact_map
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import ElasticBody
-from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.quantities.differentiable import ContactForce, Functional
 from signorini_fx.results.step_frames import turned
 from signorini_fx.tuned import ROOT_OF_EPS
@@ -52,7 +51,6 @@ class SolvedStep:
     law: LinearisedLaw
     state: ContactState
     displacement: fem.Function  # y, from the initial position
-    driven: Array  # the unknowns of rigid bodies, shape (k,)
     compliance: float  # 1 / gamma_2, length per stress; zero without regularisation
     # how contact forces turn with the displacements of their points, force per length, shape (n, d, d); None: they do
     # not
@@ -98,7 +96,6 @@ class SolvedStep:
             linear_law,
             state,
             displacement,
-            body.driven(outcome.displacement(), task.rest),
             0.0 if exact else 1 / data.gamma_t,
             *((None, None) if turning is None else turning[::2]),
         )
@@ -203,7 +200,6 @@ class ChangedStep:
     boundary: ContactBoundary  # the contact points
     gap: Nodal  # d from the initial position, length, shape (n,)
     law: PointFriction | None  # of friction; None: there is none
-    driven: Driven | None = None  # what drives rigid bodies; None: there are none
     # how far foundations have moved in this load step, length, shape (n, d); None: they have not
     drift: Nodal | None = None
     spin: Nodal | None = None  # see ``SolvedStep``
@@ -231,8 +227,6 @@ def _residual(solved: SolvedStep, data: ChangedStep) -> PETSc.Vec:
     residual = body.vector(-data.forces)
     if data.forms:
         residual.axpy(1.0, elastic_forces(body, data.forms, body.function(_displaced(solved, data, body))))
-    if data.driven is not None:
-        body.begin_driven(residual, -data.driven.forces, None)
     _map_to(data.boundary, body).add_forces(state.pressure, state.shear, residual)
     residual.getArray()[body.prescribed] = 0.0
     return residual
@@ -264,17 +258,11 @@ def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep,
 def _displaced(solved: SolvedStep, data: ChangedStep, body: ElasticBody) -> PETSc.Vec:
     """The displacement of a load step with what its data prescribe, in the unknowns of a body; collective."""
     x, prescribed = solved.body.unknowns(solved.displacement), solved.body.vector(data.prescribed)
-    if data.driven is not None:
-        solved.body.begin_driven(x, solved.driven, None)
-        solved.body.begin_driven(prescribed, data.driven.motion, None)
     fixed = solved.body.prescribed
     x.getArray()[fixed] = prescribed.getArray(readonly=True)[fixed]
     if solved.body is body or solved.body.rotation is body.rotation:
         return x
-    displacement = body.unknowns(solved.body.function(x))
-    if data.driven is not None:
-        body.begin_driven(displacement, solved.body.driven(x, None), None)
-    return displacement
+    return body.unknowns(solved.body.function(x))
 
 
 def difference(high: Explicit, low: Explicit, step: float) -> Explicit:

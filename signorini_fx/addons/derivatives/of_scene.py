@@ -24,12 +24,11 @@ from signorini_fx.addons.derivatives.gradient import (
     explicit,
 )
 from signorini_fx.errors import SceneError
-from signorini_fx.mechanics.body.discretisation import contact_of, held_at, law_of, moved_since, placed, prepare
+from signorini_fx.mechanics.body.discretisation import contact_of, held_at, law_of, moved_since, prepare
 from signorini_fx.mechanics.body.nonlinear_law import at_rest
 from signorini_fx.mechanics.elasticity.moduli import lame_coefficients
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.rigid.rigid_bodies import Driven
 from signorini_fx.mechanics.statement.effect import Load, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.features import refuse
@@ -52,13 +51,13 @@ REFUSES = {
     "mixed element": "derivatives are not possible yet with a pressure of its own: leave 'mixed' out",
     "soft contact": "derivatives are those of contact that gives way as gamma_n says: leave 'overclosure' out",
     "shortening by force": "derivatives are not possible yet where a force shortens a section",
+    "driven foundation": "derivatives are not possible yet where a force moves it",
     "requested accuracy": "derivatives are those of one mesh, and meshes of a requested accuracy jump with the data: "
     "leave it out",
 }
 # Features of a scene with nonlinear materials that have no derivatives.
 REFUSES_IF_NONLINEAR = {
     "contact of two bodies": "derivatives are not possible yet where two nonlinear bodies touch",
-    "driven foundation": "derivatives are not possible yet where a force moves it on a nonlinear body",
 }
 _EXAMPLE = "such as contact[0].friction.coefficient, material[0].young, or traction[0], a load as a whole"
 
@@ -291,10 +290,8 @@ def _by_modulus(model: Model, statements: Sequence[Statement], change: float) ->
 
 def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int], ChangedStep]:
     """The data of each load step of a scene in which the number at a path is another."""
-    of_contact, of_friction = path.startswith("contact"), path.startswith("contact") and ".friction." in path
-    changed = (
-        None if of_contact and not statement.rigid_bodies else prepare(statement, steps[0].model.tagged, Timings())
-    )
+    of_contact = path.startswith("contact")
+    changed = None if of_contact else prepare(statement, steps[0].model.tagged, Timings())
     stated = [statement.placed(step.place) for step in steps]
 
     @cache
@@ -302,12 +299,8 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
         model, statement_k = steps[k].model, stated[k]
         if k and statement_k is stated[k - 1]:
             return contact(k - 1)
-        if of_friction:
+        if ".friction." in path:
             return {"law": law_of(model, statement_k)}
-        if changed is not None:
-            step_model = placed(changed, steps[k].place)
-            assert step_model.data is not None
-            return {"boundary": step_model.boundary, "gap": step_model.data.gap, "law": step_model.law}
         parts = contact_of(model, statement_k)
         moving = {"gap": parts["data"].gap, "boundary": parts["boundary"], "law": parts["law"]}
         if any(effect.moves for effect in statement_k.contact):
@@ -316,12 +309,8 @@ def _data(statement: Statement, steps: list[_Step], path: str) -> Callable[[int]
         return moving
 
     def data(k: int) -> ChangedStep:
-        step_data = steps[k].data
-        if of_contact:
-            step_data = replace(step_data, **contact(k))
-        if changed is None:
-            return step_data
-        return replace(step_data, forms=changed.forms, **_loads(changed, steps[k].place))
+        changes = contact(k) if changed is None else {"forms": changed.forms, **_loads(changed, steps[k].place)}
+        return replace(steps[k].data, **changes)
 
     return data
 
@@ -330,7 +319,6 @@ def _loads(model: Model, load_step: float) -> dict[str, Any]:
     applied = model.applied_at(load_step)
     zero = np.zeros(model.fixed.size)
     return {
-        "driven": Driven.together([(factor, load.driven) for factor, load in applied if load.driven is not None]),
         "forces": sum((factor * load.forces for factor, load in applied), zero),
         "prescribed": sum((factor * load.start for factor, load in applied), zero),
     }
@@ -464,7 +452,7 @@ class _ChangedScene:
         if self._model is not None and step.earlier is not None and step.preceding is not None:
             fixed = step.earlier.body.fixed
             begun[: fixed.size][fixed] = self.values(step.preceding.path_step)[fixed]
-        *_, boundary, gap, law, _, drift = touching.linear.data_now(problem.linear, begun)
+        *_, boundary, gap, law, drift = touching.linear.data_now(problem.linear, begun)
         spin = touching.linear.foundations.spin_at(boundary)
         return replace(usual, boundary=boundary, gap=gap, law=law, drift=drift, spin=spin)
 
@@ -486,10 +474,7 @@ def _entry_of(statement: Statement, path: str, extent: float, dimension: int) ->
     if isinstance(parent, FrictionLaw | Resistance) and value == 0.0:
         raise SceneError([(path, "is zero, so that nothing acts: give a small number to begin with")])
     root = path.partition("[")[0].partition(".")[0]
-    if ".foundation.force" in path or ".foundation.moment" in path:
-        force = statement.young * extent ** (dimension - 1) * (extent if ".moment" in path else 1.0)
-        unit = abs(value) if not isinstance(value, Expression) and value != 0.0 else force
-    elif isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
+    if isinstance(value, Expression) or value == 0.0 or (root == "contact" and ".friction" not in path):
         unit = extent if root in ("contact", "displacement") else statement.young
         if any(part in path for part in ("rotation", "direction", ".friction.coefficient", ".poisson")):
             unit = 1.0

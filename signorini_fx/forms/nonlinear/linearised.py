@@ -564,7 +564,7 @@ class LinearisedProblem(FormSolver):
             *data, boundary, gap, law = super().data_now(solved)
             begins = self._begun_places if begun is None else begun.reshape(self.places.shape)
             motion = self.foundations.motion_at(boundary, begins)
-            return (*data, boundary, gap, law, None, motion)
+            return (*data, boundary, gap, law, motion)
         finally:
             at[:] = kept
             self._evaluated.go_to(kept)
