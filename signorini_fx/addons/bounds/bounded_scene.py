@@ -14,7 +14,7 @@ from signorini_fx.addons.bounds.simplices import Array
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
-from signorini_fx.mechanics.effects.loads import BodyForce, Fluid, Gravity, Rotation, SurfaceTraction, TotalForce
+from signorini_fx.mechanics.effects.loads import BodyForce, Gravity, SurfaceTraction, TotalForce
 from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
@@ -43,13 +43,12 @@ def _is_polynomial(value: Any, degree: int) -> bool:
     return isinstance(value, float)
 
 
-def _is_linear_between(*values: Any) -> bool:
-    """Whether a product is linear between known places, maybe at nodes: zeros of linear switches, which do not jump."""
-    if not all(isinstance(value, float | Expression) for value in values):
-        return False
-    trees = [value.tree for value in values if isinstance(value, Expression)]
-    switches = [node for tree in trees for node in _switches(tree)]
-    return all(_degree(node) <= 1 and not jumps(node) for node in switches) and sum(map(_degree, trees)) <= 1
+def _is_linear(value: Any) -> bool:
+    """Whether a value is linear between known places, maybe at nodes: zeros of linear switches, which do not jump."""
+    if not isinstance(value, Expression):
+        return isinstance(value, float)
+    known = all(_degree(node) <= 1 and not jumps(node) for node in _switches(value.tree))
+    return known and _degree(value.tree) <= 1
 
 
 def switches(value: Expression, x: Array) -> Array:
@@ -125,8 +124,9 @@ def unbounded(model: Model) -> Iterator[str]:
         elif isinstance(entry, PrescribedDisplacement):
             yield from _of_support(entry, model)
         elif isinstance(entry, Force):
-            factors = factors_of(entry, model.tagged.dimension)
-            if factors is None or not all(_is_linear_between(*values) for values in factors):
+            if type(entry) not in (BodyForce, Gravity, SurfaceTraction, TotalForce):
+                yield entry.label
+            elif not all(map(_is_linear, entry.given.values())):
                 yield f"a {entry.label} that is not linear"
             elif not isinstance(getattr(entry, "spread", 1.0), float):
                 yield f"a {entry.label} that is not spread evenly"
@@ -150,7 +150,7 @@ def _of_contact(entry: Contact, *, several_steps: bool) -> Iterator[str]:
         return
     if not isinstance(entry.friction, Tresca) or entry.friction.directed:
         yield f"{entry.friction.law} friction{' with axes' * entry.friction.directed}"
-    elif not _is_linear_between(entry.friction.bound):
+    elif not _is_linear(entry.friction.bound):
         yield f"a friction bound of {entry.boundary!r} that is not linear"
     if several_steps:
         yield "friction in several load steps"
@@ -165,21 +165,3 @@ def _of_support(entry: PrescribedDisplacement, model: Model) -> Iterator[str]:
         yield "a prescribed rotation"
     elif not all(_is_polynomial(value, degree) for value in entry.given.values()):
         yield f"a displacement of {entry.boundary!r} that is no polynomial of the elements"
-
-
-def factors_of(load: Force, dimension: int) -> list[tuple[Any, ...]] | None:
-    """The factors of the values that the density of a load follows, whose products have its jumps and kinks, and its
-    degree at least; None: it is not known, as of loads of other packages.
-    """
-    values = load.given.values()
-    if type(load) is Fluid:
-        if not isinstance(load.level, float | Expression):
-            return [(load.level,)]
-        text = getattr(load.level, "text", repr(load.level))
-        depth = f"max(0, ({text}) - x[{load.axis_in(dimension)}])"
-        return [(Expression(depth, getattr(load.level, "time", None), allows_time=True),)]
-    if type(load) is Rotation:
-        return [(load.speed, load.speed, Expression("x[0]"))]
-    if type(load) in (BodyForce, Gravity, SurfaceTraction, TotalForce):
-        return [(value, getattr(load, "spread", 1.0)) for value in values]
-    return None

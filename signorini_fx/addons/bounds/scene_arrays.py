@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.addons.bounds.bounded_scene import factors_of, refused, switches
+from signorini_fx.addons.bounds.bounded_scene import refused, switches
 from signorini_fx.addons.bounds.simplices import COLUMNS, EDGES, EDGES_OF_FACET, FACETS, ROWS, Array, Ints
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
@@ -183,7 +182,7 @@ class _SceneRows:
 
     def _density(self, load: Force, x: Array, normal: Array, mass: Array, area: float) -> Array:
         """Of a load at vertices x of m cells or facets, seen from inside, (m, k, d); ``area``: of the boundary."""
-        for value in chain.from_iterable(factors_of(load, self._d) or ()):
+        for value in load.given.values():
             _refuse_jumps(value, x, load.label)
         each = x.shape[1]
         places, across = _inside(x).reshape(-1, self._d).T, np.repeat(normal, each, axis=0).T
