@@ -33,7 +33,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
+from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.tuned import NOTHING_LEFT
@@ -196,10 +196,9 @@ class FormBody(SolidBody):
         dim = self.dimension
         nodes = np.arange(values.size // dim, dtype=np.int32)
         internal = action((a,), y, nodes).reshape(-1, dim)
-        surface = BodyNodes(y.function_space)
         supports = prescribed_nodes(fixed, values, y.function_space)
         external, nothing = assemble(L).reshape(-1, dim), np.zeros_like(internal)
-        return Balance(surface, internal, external, supports, scales, scales, nothing)
+        return Balance(RigidPart(y.function_space), internal, external, supports, scales, scales, nothing)
 
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
         from signorini_fx.results.stresses import RawStresses
@@ -268,7 +267,7 @@ def acting_on(
     """
     from signorini_fx.results.resultants import ActingForces
 
-    space, supports = balance.surface.space, list[str | None]()
+    space, supports = balance.pieces.space, list[str | None]()
     by = np.full((fixed.size // space.dofmap.index_map_bs, space.dofmap.index_map_bs), -1, dtype=np.int64)
     for number, (name, facets) in enumerate(boundaries.items()):
         nodes = facet_nodes(space, facets)
@@ -276,7 +275,7 @@ def acting_on(
         held = parallel.global_sum(space.mesh.comm, free.astype(np.float64)) == 0
         supports.append(name if held.any() else None)
         by[marked_nodes(space, nodes.ravel())[:, None] & held] = number  # the owner of a node need not have the facet
-    balance, loads = replace(balance, supports=replace(balance.supports, by=by[: balance.surface.owned])), list(loads)
+    balance, loads = replace(balance, supports=replace(balance.supports, by=by[: len(balance.external)])), list(loads)
     acted_on = {*supports, *(where for where, *_ in loads)}
     return ActingForces(balance, supports, loads, [name for name in boundaries if name in acted_on], displaced)
 

@@ -169,7 +169,7 @@ class Resultants:
     @cached_property
     def _x(self) -> Array:
         """Positions of the owned nodes."""
-        owned, dim = self.acting.balance.surface.owned, self.tagged.mesh.geometry.dim
+        owned, dim = self.acting.balance.external.shape
         return node_positions(self.displacement.function_space)[:owned, :dim] + self._moved[:owned]
 
     def _at_partners(self, boundary: str, parts: Sequence[int]) -> tuple[Array, Array]:

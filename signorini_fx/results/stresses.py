@@ -256,8 +256,8 @@ class RawStresses(StressFields):
         if not self.body.statement.material:  # that of forms may have the energy of springs in it
             return float(self.body.recovery.energy(self.stress.displacement))
         balance = self.body.balance(self.stress.displacement, self.place)
-        y = self.stress.displacement.x.array.reshape(-1, balance.surface.dimension)
-        return float(balance.strain_energy(balance.works(y[: balance.surface.owned])))
+        owned, dim = balance.external.shape
+        return float(balance.strain_energy(balance.works(self.stress.displacement.x.array.reshape(-1, dim)[:owned])))
 
     @cached_property
     def plastic_strain(self) -> fem.Function | None:

@@ -42,7 +42,7 @@ from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSid
 from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.accuracy.stress_recovery import StressRecovery
-from signorini_fx.results.certificate.body_nodes import BodyNodes
+from signorini_fx.results.certificate.body_nodes import RigidPart
 from signorini_fx.results.certificate.certificate import Certificate, judged
 from signorini_fx.results.certificate.contact_nodes import ContactConditions
 from signorini_fx.results.certificate.equilibrium import Balance
@@ -105,7 +105,7 @@ def certified(
     forces = residual.reshape(-1, space.mesh.geometry.dim)
     nothing = np.zeros_like(forces)
     balance = Balance(
-        BodyNodes(space),
+        RigidPart(space),
         forces,
         nothing,
         prescribed_nodes(fixed, values, space),

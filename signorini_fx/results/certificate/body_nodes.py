@@ -11,7 +11,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.assembly.mesh_entities import node_positions, shared_in
+from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
 
@@ -27,22 +27,24 @@ class RigidPart:
 
     Args:
         space: of the displacement; collective.
-        x: positions of the owned nodes, length, shape (owned nodes, d).
 
     Attributes:
+        space: see there.
+        x: positions of the owned nodes, length, shape (owned nodes, d).
         count: number of pieces.
         piece: number of the piece that each owned node is in.
         size: diameters, length, shape (pieces,).
     """
 
-    def __init__(self, space: fem.FunctionSpace, x: Array) -> None:
-        pieces, self._comm, dim = find_pieces(space.mesh), space.mesh.comm, x.shape[1]
+    def __init__(self, space: fem.FunctionSpace) -> None:
+        pieces, self._comm, dim = find_pieces(space.mesh), space.mesh.comm, space.mesh.geometry.dim
         self.count, nodes = pieces.count, space.dofmap.index_map
+        self.space, self.x = space, node_positions(space)[: nodes.size_local, :dim]
         of_node = np.zeros(nodes.size_local + nodes.num_ghosts, dtype=np.int64)
         of_node[space.dofmap.list] = pieces.of_cell[:, None]
-        self.piece = of_node[: len(x)]
+        self.piece = of_node[: len(self.x)]
         self.size = np.linalg.norm(np.ptp(pieces.bounds, axis=1), axis=1)
-        self._turned = rigid_modes(self._without_mean(x), np.zeros(dim), np.array(1.0))[:, :, dim:]
+        self._turned = rigid_modes(self._without_mean(self.x), np.zeros(dim), np.array(1.0))[:, :, dim:]
         turns = self._turned.shape[2]
         gram = self._sums(np.einsum("nik,nil->nkl", self._turned, self._turned).reshape(-1, turns**2))
         self._inverse = np.linalg.pinv(gram.reshape(-1, turns, turns), hermitian=True)
@@ -85,36 +87,13 @@ class RigidPart:
         return parallel.sums_by(self._comm, self.piece, values, self.count)
 
 
-class BodyNodes:
-    """The nodes of a vector Lagrange space; ``dimension``: d, of displacements."""
-
-    def __init__(self, space: fem.FunctionSpace) -> None:
-        self.space = space
-        self.owned = int(space.dofmap.index_map.size_local)
-        self.dimension = int(space.mesh.geometry.dim)
-        self._of_mesh: dict[Any, Any] = {}
-
-    @property
-    def x(self) -> Array:
-        """Positions of the owned nodes, length, shape (owned nodes, d)."""
-        return node_positions(self.space)[: self.owned, : self.dimension]
-
-    @shared_in("_of_mesh")
-    def pieces(self) -> RigidPart:
-        """The pieces of the mesh; collective."""
-        return RigidPart(self.space, self.x)
-
-
 @dataclass(frozen=True)
 class PrescribedNodes:
-    """The prescribed displacements of the owned nodes; ``fixed``: at turned nodes in their frames; ``value``: in the
-    axes of space; ``by``: position in ``scene.displacement`` of what prescribes each component along the axes, -1 where
-    nothing does.
-    """
+    """The prescribed displacements of the owned nodes."""
 
-    fixed: npt.NDArray[np.bool_]
-    value: Array
-    by: npt.NDArray[np.int64]
+    fixed: npt.NDArray[np.bool_]  # at turned nodes in their frames
+    value: Array  # along the axes
+    by: npt.NDArray[np.int64]  # place in ``scene.displacement`` of what prescribes a component along the axes, else -1
     turned: TurnedNodes | None = None
 
     def missed(self, y: Array) -> Array:

@@ -1,10 +1,7 @@
 """The certificate: whether a displacement and the contact tractions are a solution of the scene.
 
 It takes the scene, the mesh, the displacement that the user gets, and the contact tractions; in a later load step also
-those of the previous step, from which friction acts.  It uses no matrix, load vector or active set of the solver.  It
-does not detect faults in what both share: the mesh and its names, the forms, materials, loads and contact points.
-
-The law that it names need not be the one that was asked for: where the method of a scene fails, another one is tried.
+those of the previous step, from which friction acts.
 """
 
 from __future__ import annotations
@@ -119,7 +116,7 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> 
     # With a pressure forces are not those of a change of volume.
     modulus = max(material.stiffest(pressed=forces.pressed) for material in statement.material)
     return Balance(
-        forces,
+        forces.pieces,
         forces.internal(displacement),
         forces.external(step),
         forces.prescribed(step),
@@ -146,20 +143,20 @@ def judged(
     Args:
         displacement: y.
         balance: the forces on the body without contact.
-        contact: the contact points and what holds there; None, as the tractions: there is no contact.
-        tractions: pressure and shear at the contact points.
+        contact: the contact points and what holds there; None: there is no contact.
+        tractions: pressure and shear at them.
         law: the contact law that the method promises.
         before: the end of the previous load step; None for the first one.  If that kept to the regularised law and this
             one does not, its elastic slip is removed.
         rigid: how rigid bodies have moved, and what drives them.
     """
-    forces, supports = balance.surface, balance.supports
-    comm, dim, pieces = forces.space.mesh.comm, forces.dimension, forces.pieces
-    y = displacement.x.array.reshape(-1, dim)[: forces.owned]
+    supports, pieces = balance.supports, balance.pieces
+    comm, (owned, dim) = pieces.space.mesh.comm, pieces.x.shape
+    y = displacement.x.array.reshape(-1, dim)[:owned]
     works = balance.works(y)
     half, strain_energy = float(works[:, 0].sum()) / 2, balance.strain_energy(works)
     strained = max(half, strain_energy if balance.dilation is not None else 0.0)  # or its pressure takes of it
-    scales, stiffest = balance.of_pieces(pieces)
+    scales, stiffest = balance.of_pieces()
     # Of the initial strains it is not known which piece they strain.
     halves = works[:, 0] / 2 if balance.dilation is None or strain_energy == half else np.full(pieces.count, strained)
     mean = scales.stress(np.maximum(halves, 0.0))
@@ -178,7 +175,7 @@ def judged(
     volume = change_of_volume(balance, float(far.max()), strained)
     if tractions is None or contact is None:
         units = PieceScales(length, far, np.zeros(pieces.count), np.zeros(pieces.count))
-        unbalanced, unjudged, lost = equilibrium(balance, pieces, y, None, units, float(far.max()))
+        unbalanced, unjudged, lost = equilibrium(balance, y, None, units, float(far.max()))
         return Certificate(equilibrium=max(unbalanced, volume), unjudged=unjudged, lost=lost, **figures)
     nodes = ContactNodes.of(contact, tractions)
     at = nodes.pieces(pieces.piece)
@@ -194,7 +191,7 @@ def judged(
         drawn[touching] = np.linalg.norm(motion.at(contact.boundary.x[touching]), axis=1)
     length = np.maximum(length, NO_FORCE * largest(drawn))
     reach = max(float(far.max()), float(largest(drawn).max()))
-    alone = balance.unloaded(pieces)
+    alone = balance.unloaded()
     # Where the contact transmits nothing its reactions are round-off of the stress in the body, and of displacements.
     fineness = largest(np.asarray(1.0 / balance.scales.side(contact.boundary.weight)))
     unknown = stiffest.modulus * np.where(alone, reach, far) * fineness
@@ -205,7 +202,7 @@ def judged(
     (u_n, slip), origin = nodes.traces(y, moved), np.zeros_like(nodes.shear)
     if before is not None:  # what is added to it has its round-off
         last = ContactNodes.of(contact, before.tractions)
-        so_far = before.displacement.x.array.reshape(-1, dim)[: forces.owned]
+        so_far = before.displacement.x.array.reshape(-1, dim)[:owned]
         stress = np.maximum(stress, NO_FORCE * largest(last.felt))
         length = np.maximum(length, NO_FORCE * np.maximum(largest(last.terms(so_far)), pieces.largest_beside(so_far)))
         slip, origin = slip - last.traces(so_far, before.rigid)[1], last.shear
@@ -224,7 +221,7 @@ def judged(
     strains = mean > LOST_UNITS * NO_FORCE * stiffest.modulus * reach / stiffest.size
     penalty = np.where(strains, np.minimum(penalty, mean / NEGLIGIBLE), np.maximum(penalty, terms * law.penalty))
     # Where shapes are met at X + u, distances have the round-off of X, however small u is; gaps of a body at rest, too.
-    farthest = max(parallel.largest(comm, np.linalg.norm(forces.x, axis=1), 0.0), float(np.max(scales.size)))
+    farthest = max(parallel.largest(comm, np.linalg.norm(pieces.x, axis=1), 0.0), float(np.max(scales.size)))
     placed = np.full_like(terms, NO_FORCE * farthest) if balance.displaced or reach == 0 else np.zeros_like(terms)
     length, stress = np.maximum(length, np.maximum(terms, placed)), np.maximum(stress, penalty)
     stress = np.maximum(stress, NO_FORCE * float(stress.max()))  # round-off of the joint system
@@ -233,7 +230,7 @@ def judged(
     units = PieceScales(np.maximum(length, still), np.maximum(far, still), stress, penalty)
     points = units.between(*at)
     figures |= contact_conditions(nodes, u_n, nodes.rounded(slip, 1), nodes.rounded(origin, -1), law, points)
-    unbalanced, unjudged, lost = equilibrium(balance, pieces, y, nodes, units, reach)
+    unbalanced, unjudged, lost = equilibrium(balance, y, nodes, units, reach)
     for motion, drive in rigid:
         touching = contact.part(*motion.body.parts)
         # Round-off of the stress in the pieces that it touches, of the penalty, and of the joint system.

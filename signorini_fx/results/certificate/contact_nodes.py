@@ -28,21 +28,13 @@ Nodal = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactConditions:
-    """The contact points of this rank where a displacement has taken them, and what holds there.
-
-    Attributes:
-        boundary: the n points.
-        gap: d, length, shape (n,).
-        law: of friction; None: there is none.
-        bilateral: where contact cannot open, shape (n,).
-        pairs: the points of two bodies, by the numbers of their contacts.
-    """
+    """The n contact points of this rank where a displacement has taken them, and what holds there."""
 
     boundary: ContactBoundary
-    gap: Nodal
-    law: PointFriction | None
-    bilateral: npt.NDArray[np.bool_]
-    pairs: Mapping[int, PairPoints]
+    gap: Nodal  # d, length, shape (n,)
+    law: PointFriction | None  # of friction; None: there is none
+    bilateral: npt.NDArray[np.bool_]  # where contact cannot open, shape (n,)
+    pairs: Mapping[int, PairPoints]  # the points of two bodies, by the numbers of their contacts
 
     def part(self, *numbers: int) -> npt.NDArray[np.int64]:
         """The points of some contacts."""
@@ -63,25 +55,16 @@ class ContactConditions:
 class ContactNodes(ContactConditions):
     """The contact points of this rank with the tractions at them; displacements are those of owned nodes, shape (owned
     nodes, d); methods are collective.
-
-    Attributes:
-        pressure: stress, shape (n,).
-        shear: as vectors of space, stress, shape (n, d).
     """
 
-    pressure: Nodal
-    shear: Nodal
+    pressure: Nodal  # stress, shape (n,)
+    shear: Nodal  # as vectors of space, stress, shape (n, d)
 
     @classmethod
     def of(cls, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
         """The contact points of a problem with tractions at them."""
-        known = {field.name: getattr(contact, field.name) for field in fields(ContactConditions)}
-        return cls(**known, pressure=tractions.pressure, shear=tractions.shear)
-
-    @property
-    def normal(self) -> Nodal:
-        """Unit normals, shape (n, d)."""
-        return self.boundary.normal
+        known = [getattr(contact, field.name) for field in fields(ContactConditions)]
+        return cls(*known, tractions.pressure, tractions.shear)
 
     @cached_property
     def bound(self) -> Nodal:
@@ -101,25 +84,25 @@ class ContactNodes(ContactConditions):
 
     def along(self, vectors: Nodal) -> Nodal:
         """The part of vectors at the points that is tangential, shape (n, d)."""
-        return np.asarray(vectors - np.sum(vectors * self.normal, axis=1)[:, None] * self.normal)
+        return np.asarray(vectors - np.sum(vectors * self.boundary.normal, axis=1)[:, None] * self.boundary.normal)
 
     @property
     def traction(self) -> Nodal:
         """Pressure and shear as one vector, stress, shape (n, d)."""
-        return np.asarray(self.pressure[:, None] * self.normal + self.shear)
+        return np.asarray(self.pressure[:, None] * self.boundary.normal + self.shear)
 
     def traces(self, y: Nodal, rigid: Sequence[RigidBodyMotion] = ()) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), shapes (n,) and (n, d), relative to rigid bodies that have moved."""
         averages = self.boundary.averages
         values = from_owners(y, averages.nodes, self.boundary.comm)
-        relative = (averages.operator @ values.ravel()).reshape(self.normal.shape)
+        relative = (averages.operator @ values.ravel()).reshape(self.boundary.normal.shape)
         for pair, part in self.of_pairs:
             if pair.moving is not None:
-                relative[part] = pair.relative(pair.moving, y, self.normal[part])
+                relative[part] = pair.relative(pair.moving, y, self.boundary.normal[part])
         for motion in rigid:
             points = self.part(*motion.body.parts)
             relative[points] -= motion.at(self._x[points])
-        return np.sum(relative * self.normal, axis=1), self.along(relative)
+        return np.sum(relative * self.boundary.normal, axis=1), self.along(relative)
 
     @property
     def _x(self) -> Nodal:
@@ -158,7 +141,7 @@ class ContactNodes(ContactConditions):
         if not self.pairs:
             return np.zeros(self.boundary.size)
         sums = abs(averages.operator) @ from_owners(np.abs(y), averages.nodes, self.boundary.comm).ravel()
-        return np.where(self.paired, np.linalg.norm(sums.reshape(self.normal.shape), axis=1), 0.0)
+        return np.where(self.paired, np.linalg.norm(sums.reshape(self.boundary.normal.shape), axis=1), 0.0)
 
     def forces(self, owned: int, *parts: int) -> tuple[npt.NDArray[Any], Nodal, Nodal]:
         """What the tractions do to so many owned nodes, or those of some contacts: the local nodes that they act on,
@@ -186,7 +169,7 @@ class ContactNodes(ContactConditions):
     def felt(self) -> Nodal:
         """The larger of pressure and shear without what supports take of them, or what one undoes of the other."""
         free, axes = self.boundary.free, self.boundary.axes
-        tractions = self.pressure[:, None] * self.normal, self.shear, self.traction
+        tractions = self.pressure[:, None] * self.boundary.normal, self.shear, self.traction
         pressure, shear, both = (
             np.linalg.norm(np.where(free, np.einsum("nij,ni->nj", axes, part), 0.0), axis=1) for part in tractions
         )

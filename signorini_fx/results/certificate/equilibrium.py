@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes, RigidPart
+from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
 from signorini_fx.results.certificate.contact_nodes import ContactNodes
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, LOST_UNITS, NEGLIGIBLE, NO_FORCE, SAME_NUMBER, UNITS_OF_PLACES
 
@@ -21,42 +21,26 @@ Numbers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Balance:
-    """The forces on a body without contact, evaluated anew, and what they are compared with.
+    """The forces on a body without contact, evaluated anew, of shape (owned nodes, d), and their scales."""
 
-    Attributes:
-        surface: its nodes.
-        internal: a(y, .) of the strains, forces, shape (owned nodes, d).
-        external: L, forces, shape (owned nodes, d).
-        supports: what is prescribed.
-        scales: of its lengths and stresses.
-        stiffest: the same with the largest modulus.
-        resisted: what resists the displacement on the boundary, the rest of a(y, .), forces, shape (owned nodes, d).
-        initial: those of initial strains where they are prevented, forces, shape (owned nodes, d).
-        prevented: energy of their stress then.
-        dilation: see ``NodalForces.dilation``; None: the pressure is no unknown.
-        lost: round-off of ``internal`` that does not decrease with y, as that of a finite deformation I + grad u,
-            forces, shape (owned nodes, d); None: there is none.
-        with_loads: whether ``internal`` is a whole residual, from which loads cannot be told.
-        displaced: whether contact is met at displaced points.
-    """
-
-    surface: BodyNodes
-    internal: Nodal
-    external: Nodal
-    supports: PrescribedNodes
-    scales: Scales
-    stiffest: Scales
-    resisted: Nodal
-    initial: Nodal | float = 0.0
-    prevented: float = 0.0
-    dilation: tuple[Nodal, Nodal] | None = None
+    pieces: RigidPart  # those of the body
+    internal: Nodal  # a(y, .) of the strains
+    external: Nodal  # L
+    supports: PrescribedNodes  # what is prescribed
+    scales: Scales  # of lengths and stresses
+    stiffest: Scales  # the same with the largest modulus
+    resisted: Nodal  # what resists the displacement on the boundary, the rest of a(y, .)
+    initial: Nodal | float = 0.0  # those of initial strains where they are prevented
+    prevented: float = 0.0  # energy of their stress then
+    dilation: tuple[Nodal, Nodal] | None = None  # see ``NodalForces.dilation``; None: the pressure is no unknown
+    # round-off of ``internal`` that does not decrease with y, as that of a finite deformation I + grad u
     lost: Nodal | None = None
-    with_loads: bool = False
-    displaced: bool = False
+    with_loads: bool = False  # whether ``internal`` is a whole residual, from which loads cannot be told
+    displaced: bool = False  # whether contact is met at displaced points
 
     def works(self, y: Nodal) -> Nodal:
         """What internal and initial forces do on displacements of the owned nodes, energies, shape (pieces, 2)."""
-        return self.surface.pieces.works(self.internal * y, self.initial * y)
+        return self.pieces.works(self.internal * y, self.initial * y)
 
     def strain_energy(self, works: Nodal) -> float:
         """The energy of the stress from ``works``: of the strains, and what initial ones take of it, but round-off."""
@@ -65,16 +49,16 @@ class Balance:
         energy = internal / 2 + prevented
         return max(0.0, energy if energy > SAME_NUMBER * abs(internal / 2) or prevented == 0.0 else 0.0)
 
-    def of_pieces(self, pieces: RigidPart) -> tuple[Scales, Scales]:
+    def of_pieces(self) -> tuple[Scales, Scales]:
         """``scales`` and ``stiffest`` of all pieces."""
-        size = pieces.size if pieces.count > 1 else np.array([self.scales.size])
+        size = self.pieces.size if self.pieces.count > 1 else np.array([self.scales.size])
         return replace(self.scales, size=size), replace(self.stiffest, size=size)
 
-    def unloaded(self, pieces: RigidPart) -> npt.NDArray[np.bool_]:
+    def unloaded(self) -> npt.NDArray[np.bool_]:
         """Pieces that no load strains and no support moves, shape (pieces,): if others pass on no force to them, all
         that is there is round-off of the joint system, as large as the motions of others make it.
         """
-        nothing = np.zeros_like(self.external)
+        pieces, nothing = self.pieces, np.zeros_like(self.external)
         imposed = pieces.largest(self.supports.missed(nothing), self.supports.among(pieces.piece))
         return np.asarray(imposed + pieces.norms(self.external) + pieces.norms(nothing + self.initial) == 0)
 
@@ -101,7 +85,7 @@ class PieceScales(NamedTuple):
 
 
 def equilibrium(
-    balance: Balance, pieces: RigidPart, y: Nodal, nodes: ContactNodes | None, units: PieceScales, reach: float
+    balance: Balance, y: Nodal, nodes: ContactNodes | None, units: PieceScales, reach: float
 ) -> tuple[float, tuple[int, ...], float]:
     """The residual of (3.3a) in the free unknowns, of each piece and of the worst contact node as a stress; pieces of
     which it says nothing, as all forces on them are round-off of the joint system; and the residual that round-off of
@@ -119,20 +103,19 @@ def equilibrium(
 
     Args:
         balance: forces on the body without contact.
-        pieces: those of the body.
         y: displacements of the owned nodes, shape (owned nodes, d).
         nodes: the contact points with the tractions at them; None: there are none.
-        units: what stresses and lengths are relative to, of each piece.
+        units: of each piece.
         reach: the largest displacement of anything, also of a rigid body, length.
     """
-    comm, supports = balance.surface.space.mesh.comm, balance.supports
-    _, stiffest = balance.of_pieces(pieces)
+    supports, pieces = balance.supports, balance.pieces
+    comm, (_, stiffest) = pieces.space.mesh.comm, balance.of_pieces()
     nodes_of_pieces = pieces.works(np.ones((len(y), 1)))[:, 0]
     spacing, count = stiffest.spacing(nodes_of_pieces), np.sqrt(nodes_of_pieces)
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
     firmness = stiffest.stiffness(spacing)
     least = firmness * pieces.norms(y)
-    least = NO_FORCE * np.where(balance.unloaded(pieces), np.maximum(least, firmness.max() * reach * count), least)
+    least = NO_FORCE * np.where(balance.unloaded(), np.maximum(least, firmness.max() * reach * count), least)
     loads = balance.external + balance.initial
     acting = [supports.left(loads), supports.left(balance.resisted)]
     residual = balance.internal + balance.resisted - loads
@@ -154,7 +137,7 @@ def equilibrium(
     force = np.maximum(force, joint)
     residual = supports.left(residual)
     digits = LOST_UNITS * np.finfo(float).eps
-    coordinates = parallel.largest(comm, np.abs(balance.surface.x), 0.0)
+    coordinates = parallel.largest(comm, np.abs(pieces.x), 0.0)
     last_digit = UNITS_OF_PLACES * np.finfo(float).eps * coordinates
     missing = pieces.norms(residual) - digits * least / NO_FORCE - last_digit / spacing * reacting
     hidden = 0.0
@@ -191,10 +174,10 @@ def change_of_volume(balance: Balance, far: float, strain_energy: float) -> floa
     """
     if balance.dilation is None:
         return 0.0
-    (residual, volume), comm, scales = balance.dilation, balance.surface.space.mesh.comm, balance.scales
+    (residual, volume), comm, scales = balance.dilation, balance.pieces.space.mesh.comm, balance.scales
     loads = float(parallel.global_sum(comm, np.linalg.norm(balance.external, axis=1).sum())) / scales.surface
     strain = max(scales.stress(strain_energy), NEGLIGIBLE * loads) / scales.modulus
-    lost = LOST_UNITS * np.finfo(float).eps * far / scales.spacing(balance.surface.space.dofmap.index_map.size_global)
+    lost = LOST_UNITS * np.finfo(float).eps * far / scales.spacing(balance.pieces.space.dofmap.index_map.size_global)
     left, size = (float(np.sqrt(parallel.global_sum(comm, np.sum(values**2)))) for values in (residual, volume))
     return share(comm, np.array(left - lost * size), np.array(strain * size))
 

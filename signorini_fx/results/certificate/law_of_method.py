@@ -27,17 +27,14 @@ class Law:
     mu_0 + gamma_t times the slip onto |mu| <= F g, with mu_0 the previous shear.  With infinite gamma it is the law of
     contact and friction itself.
 
-    Attributes:
-        gamma_n: stress per length.
-        gamma_t: stress per length.
-        penalty: stress per length, by which the tractions were computed from displacements whatever the law is, also by
-            augmentation: they have the round-off of these times it; 0: they were not.
-        overclosures: of contact that gives way by another law than gamma_n, by its place in ``statement.contact``.
+    The tractions have the round-off of displacements times ``penalty``, by which they were computed from these whatever
+    the law is, also by augmentation; 0: they were not.
     """
 
-    gamma_n: float = np.inf
+    gamma_n: float = np.inf  # stress per length, as those below
     gamma_t: float = np.inf
     penalty: float = field(default=0.0, compare=False)
+    # of contact that gives way by another law than gamma_n, by its place in ``statement.contact``
     overclosures: Mapping[int, Overclosure] = field(default_factory=dict, compare=False)
 
     @property
@@ -82,16 +79,13 @@ class Tractions:
 
 @dataclass(frozen=True)
 class PreviousStep:
-    """The previous load step, from which a step starts; ``elastic_slip``: the part of its slip that is due to the
-    regularised law, and ``moved``: by how much the foundations have moved at the contact nodes since, length, shape of
-    the shear, None: none; ``rigid``: how rigid bodies had moved at its end.
-    """
+    """The previous load step, from which a step starts."""
 
     displacement: fem.Function
     tractions: Tractions
-    elastic_slip: Nodal | None = None
-    moved: Nodal | None = None
-    rigid: tuple[RigidBodyMotion, ...] = ()
+    elastic_slip: Nodal | None = None  # the part of its slip that is due to the regularised law, length, shape (n, d)
+    moved: Nodal | None = None  # by how much the foundations have moved at the contact points since, the same
+    rigid: tuple[RigidBodyMotion, ...] = ()  # how rigid bodies had moved at its end
 
     @classmethod
     def of(

@@ -28,16 +28,17 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, InitialStrain, Resistance
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.results.certificate.body_nodes import BodyNodes, PrescribedNodes
+from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
 
 Array = npt.NDArray[np.float64]
 
 
-class NodalForces(BodyNodes):
+class NodalForces:
     """Forces on the nodes of a Lagrange space, from a scene and its mesh alone; all methods are collective."""
 
     def __init__(self, statement: Statement, tagged: TaggedMesh, space: fem.FunctionSpace) -> None:
-        super().__init__(space)
+        self.space, self.dimension = space, int(space.mesh.geometry.dim)
+        self.owned = int(space.dofmap.index_map.size_local)
         self.statement = statement
         self.tagged = tagged
         self.kinematics = statement.kinematics_in(tagged.dimension)
@@ -57,6 +58,11 @@ class NodalForces(BodyNodes):
         forces = copy(kept)
         forces.statement = statement
         return forces
+
+    @shared_in("_of_forms")
+    def pieces(self) -> RigidPart:
+        """Those of the body."""
+        return RigidPart(self.space)
 
     @shared_in("_of_forms")
     def _y(self) -> fem.Function:

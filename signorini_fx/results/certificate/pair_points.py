@@ -28,23 +28,14 @@ Numbers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class PairPoints:
-    """The n contact points of a pair on this rank; methods are collective.
+    """The n contact points of a pair on this rank; methods are collective."""
 
-    Attributes:
-        sides: both, undeformed.
-        slave: D, sparse, shape (n, nodes of the slave).
-        master: M, sparse, shape (n, nodes of the master).
-        across: projectors onto the directions across planes of symmetry, shape (n, d, d).
-        kept: the pair whose points keep their partners; None: its sides slide on each other.
-        moving: the pair whose sides slide on each other, where the displacement has moved them; None: ``kept``.
-    """
-
-    sides: FacingSides
-    slave: Any
-    master: Any
-    across: Array
-    kept: PairedSides | None = None
-    moving: MovingPair | None = None
+    sides: FacingSides  # both, undeformed
+    slave: Any  # D, sparse, shape (n, nodes of the slave)
+    master: Any  # M, sparse, shape (n, nodes of the master)
+    across: Array  # projectors onto the directions across planes of symmetry, shape (n, d, d)
+    kept: PairedSides | None = None  # the pair, if points keep their partners
+    moving: MovingPair | None = None  # the pair, if sides slide, where the displacement has moved them
 
     @classmethod
     def of(cls, pair: PairedSides | MovingPair) -> PairPoints:
