@@ -22,72 +22,55 @@ _ATTEMPTS = 5
 _MOVABLE = 0.25
 
 
-def admissible(problem: PlainProblem, tiny: float, *, closed: bool) -> tuple[Array, Array]:
-    """The displacement at vertices and middles of edges, length, shapes (v, d) and (e, d); ``tiny``: how far it may
-    enter, as round-off does; ``closed``: whether it is moved to the other side under pressure.
+def admissible(problem: PlainProblem, tiny: float, *, closed: bool) -> Array:
+    """The displacement at nodes, length, shape (v + e, d); ``tiny``: how far it may enter, as round-off does;
+    ``closed``: whether it is moved to the other side under pressure.
 
     Raises:
         Refused: supports leave no way out.
     """
-    t, y, middle = problem.t, problem.y.copy(), problem.middle.copy()
-    free = [
-        _free(entities, count, problem) for entities, count in ((t.facets, len(y)), (t.edges_of_facets, len(middle)))
-    ]
+    t, y = problem.t, problem.y.copy()
+    # Projectors onto the directions in which supports let nodes move.
+    held = np.zeros((*y.shape, t.dimension))
+    for column in t.nodes_of_facets[t.outer].T:
+        np.add.at(held, column, problem.held[t.outer])
+    sizes, vectors = np.linalg.eigh(held)
+    free = np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
     for attempt in range(_ATTEMPTS):
         for surface in problem.contacts:
-            _separate(problem, surface, y, middle, free, tiny, closed=closed and not attempt)
-        deepest = [
-            surface.excess(problem.relative(surface, y, middle)).max(initial=0.0) for surface in problem.contacts
-        ]
+            _separate(problem, surface, y, free, tiny, closed=closed and not attempt)
+        deepest = [surface.excess(problem.relative(surface, y)).max(initial=0.0) for surface in problem.contacts]
         if max(deepest, default=0.0) <= 2 * tiny:
-            return y, middle
+            return y
     raise Refused("no displacement near the computed one keeps to supports, foundations and other bodies")
 
 
-def _free(entities: Ints, count: int, problem: PlainProblem) -> Array:
-    """Projectors onto the directions in which supports let vertices or edges of facets move, shape (count, d, d)."""
-    outer, held = problem.t.outer, np.zeros((count, *problem.held.shape[1:]))
-    for column in entities[outer].T:
-        np.add.at(held, column, problem.held[outer])
-    sizes, vectors = np.linalg.eigh(held)
-    return np.einsum("vik,vk,vjk->vij", vectors, np.where(sizes > SAME_LENGTH, 0.0, 1.0), vectors)
-
-
 def _separate(
-    problem: PlainProblem,
-    surface: FacetsInContact,
-    y: Array,
-    middle: Array,
-    free: list[Array],
-    tiny: float,
-    *,
-    closed: bool,
+    problem: PlainProblem, surface: FacetsInContact, y: Array, free: Array, tiny: float, *, closed: bool
 ) -> None:
     """Move a displacement out of one contact, in place."""
     t, parts, d = problem.t, surface.parts, problem.t.dimension
+    nodes = [parts.nodes(t, side) for side in parts.sides]
     at_vertices = closed & (parts.on_parts(surface.pressure) > 0)
     at_edges = at_vertices[:, EDGES_OF_FACET[d]].all(axis=2)
     # What supports keep of a share the other side does.
     for share in (surface.share, 0.0, 1.0) if surface.paired else (1.0,):
-        excess, unmoved = surface.excess(problem.relative(surface, y, middle)), y.copy()
+        excess = surface.excess(problem.relative(surface, y))
         depth = excess[:, :d] if parts.by_facets else excess.max(axis=1, keepdims=True).repeat(d, axis=1)
-        depth = np.where(at_vertices, depth, depth.clip(min=-tiny))
-        for side, moved in zip(parts.sides, (share, share - 1.0), strict=False):
-            vertices = parts.vertices(t, side) if parts.by_facets else t.facets[parts.facet(side)]
-            y -= moved * _moved(vertices, depth + tiny, parts.normal, free[0])
-        middle += (y - unmoved)[t.edges].mean(axis=1)
-        if not parts.by_facets:
-            continue
-        depth = surface.excess(problem.relative(surface, y, middle))[:, d:]
-        depth = np.where(at_edges, depth, depth.clip(min=-tiny)) + tiny
-        for side, moved in zip(parts.sides, (share, share - 1.0), strict=False):
-            # Twice the middle of an edge is what its coefficient of Bernstein has of it.
-            edges = parts.edges(t, side)
-            middle -= moved * _moved(edges, depth / 2, parts.normal, free[1])
+        depth = np.where(at_vertices, depth, depth.clip(min=-tiny)) + tiny
+        shares = [*zip(nodes, (share, share - 1.0), strict=False)]
+        for (vertices, _), moved in shares:
+            y -= moved * t.with_middles(_moved(vertices, depth, parts.normal, free)[: len(t.x)])
+        if parts.by_facets:
+            depth = surface.excess(problem.relative(surface, y))[:, d:]
+            depth = np.where(at_edges, depth, depth.clip(min=-tiny)) + tiny
+            for (_, edges), moved in shares:
+                # Twice the middle of an edge is what its coefficient of Bernstein has of it.
+                y -= moved * _moved(edges, depth / 2, parts.normal, free)
 
 
 def _moved(places: Ints, depth: Array, normal: Array, free: Array) -> Array:
-    """Displacements of vertices or edges along the normals of the parts around, by depths of shape (m, k) at least."""
+    """Displacements of nodes along the normals of the parts around, by depths of shape (m, k) at least."""
     sums, deepest = np.zeros(free.shape[:2]), np.full(len(free), -np.inf)
     for column, depths in zip(places.T, depth.T, strict=True):
         np.add.at(sums, column, normal)

@@ -66,7 +66,7 @@ def _interval(problem: Bounded, boundary: str, direction: Array) -> Interval:
     size = float(np.linalg.norm(direction))
     if missed > SAME_LENGTH * size:
         raise Refused(f"the force on {boundary!r} has no bounds: it shares a corner with another support or contact")
-    strain = t.strain_at_corners(z, z[t.edges].mean(axis=1))
+    strain = t.strain_at_corners(t.with_middles(z))
     norm = float(np.sqrt(energy(t, strain).sum()))
     mean = (from_strain(t, problem.admissible.strain) + problem.stress.stress).mean(axis=(1, 2)) / 2
     products = t.volume[:, None] * mean * strain[:, 0] * TWICE[t.dimension]

@@ -96,15 +96,14 @@ class ContactParts:
         """The facet of a side that each part is on, shape (m,)."""
         return self.facets[side][self.row[side]]
 
-    def vertices(self, t: Simplices, side: int) -> Ints:
-        """Of whole facets the vertices of a side at those of the parts, shape (m, d)."""
-        return np.take_along_axis(t.facets[self.facet(side)], self.local[side].argmax(axis=2), axis=1)
-
-    def edges(self, t: Simplices, side: int) -> Ints:
-        """Of whole facets the edges of a side at those of the parts, in the order of ``EDGES_OF_FACET``."""
-        edges = t.edges_of_facets[self.facet(side)]
-        # In 3D each edge is opposite a vertex.
-        return edges if edges.shape[1] == 1 else np.take_along_axis(edges, self.local[side].argmax(axis=2), axis=1)
+    def nodes(self, t: Simplices, side: int) -> tuple[Ints, Ints]:
+        """Vertices and edges of the facets of a side, of whole ones at those of the parts, see ``nodes_of_facets``."""
+        nodes, d = t.nodes_of_facets[self.facet(side)], t.dimension
+        if self.by_facets:
+            order = self.local[side].argmax(axis=2)
+            edges = order if d == 3 else np.zeros_like(order[:, :1])  # in 3D each edge is opposite a vertex
+            nodes = np.take_along_axis(nodes, np.column_stack((order, d + edges)), axis=1)
+        return nodes[:, :d], nodes[:, d:]
 
     def on_parts(self, linear: Array, side: int = SLAVE) -> Array:
         """Functions that are linear on the facets of a side, shape (f, d, ...), at the vertices of the parts."""

@@ -119,7 +119,8 @@ class Bounded(PlainProblem):
                 closest, _ = surface.parts.projected(surface.traction, side, t.area)
                 traction[facets] += sign * closest @ (np.eye(d) - self.held[facets])
         # The linear functions on the facets with the moments of the displacement.
-        start, bubble = self.y[t.facets], (self.middle - self.y[t.edges].mean(axis=1))[t.edges_of_facets]
+        start, middle = np.split(self.y[t.nodes_of_facets], [d], axis=1)
+        bubble = middle - start[:, EDGES_OF_FACET[d]].mean(axis=2)
         (ends, third), start = _OF_BUBBLE[d], start + _OF_BUBBLE[d][1] * bubble.sum(axis=1, keepdims=True)
         for k, pair in enumerate(EDGES_OF_FACET[d]):
             start[:, pair] += (ends - third) * bubble[:, k, None]
@@ -154,20 +155,20 @@ class Bounded(PlainProblem):
         """V, the better one of two that are tried."""
         far = np.abs(self.y).max() + max((np.abs(surface.gap).max(initial=0.0) for surface in self.contacts), default=0)
         tiny = ROUND_OFF * float(far)
-        tried = [self._beside(*admissible(self, tiny, closed=closed)) for closed in (False, bool(self.contacts))]
+        tried = [self._beside(admissible(self, tiny, closed=closed)) for closed in (False, bool(self.contacts))]
         return min(tried, key=lambda one: float((one.contact + one.moved).sum()))
 
-    def _beside(self, y: Array, middle: Array) -> Admissible:
+    def _beside(self, y: Array) -> Admissible:
         """What a displacement that does not enter adds to the bound."""
-        t, contact, strain = self.t, np.zeros(len(self.t.corners)), self.t.strain_at_corners(y, middle)
+        t, contact, strain = self.t, np.zeros(len(self.t.corners)), self.t.strain_at_corners(y)
         for surface in self.contacts:
-            np.add.at(contact, t.sides[surface.parts.facet(SLAVE), 0], 2 * self._on_contact(surface, y, middle))
-        return Admissible(strain, contact, energy(t, strain - self.strain).clip(min=0.0))
+            np.add.at(contact, t.sides[surface.parts.facet(SLAVE), 0], 2 * self._on_contact(surface, y))
+        return Admissible(strain, contact, energy(t, strain - self.strain))
 
     @cached_property
     def strain(self) -> Array:
         """Of the computed displacement at the corners, shape (n, d + 1, 3 or 6)."""
-        return self.t.strain_at_corners(self.y, self.middle)
+        return self.t.strain_at_corners(self.y)
 
     def between(self, strain: Array) -> Array:
         """Squares of the distance of the stress in equilibrium from that of a strain, energies, shape (n,)."""
@@ -177,7 +178,7 @@ class Bounded(PlainProblem):
     @cached_property
     def size(self) -> float:
         """Energy norm of the computed displacement."""
-        return float(np.sqrt(energy(self.t, self.strain).clip(min=0.0).sum()))
+        return float(np.sqrt(energy(self.t, self.strain).sum()))
 
     @cached_property
     def round_off(self) -> float:
@@ -217,10 +218,10 @@ class Bounded(PlainProblem):
         total = float(np.hypot(duality, moved)) + self.round_off
         return ErrorBound(total, self.size, duality, moved, self.round_off, squares, self.assumed)
 
-    def _on_contact(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
+    def _on_contact(self, surface: FacetsInContact, y: Array) -> Array:
         """Integrals of p (d - v_n) + g |v_t| - mu . v_t over the parts, energies, shape (m,)."""
         d, parts = self.t.dimension, surface.parts
-        displacement = self.relative(surface, y, middle)
+        displacement = self.relative(surface, y)
         normal = np.einsum("fcd,fd->fc", displacement, parts.normal)
         tangential = displacement - normal[:, :, None] * parts.normal[:, None]
         values, linear = bernstein(POINTS[d]), POINTS[d]

@@ -246,6 +246,4 @@ def square(t: Simplices, stress: Array) -> Array:
 
 def energy(t: Simplices, strain: Array) -> Array:
     """Squares of energy norms of linear strains at corners, by cell, see ``square``."""
-    d, stress = t.dimension, t.moduli.stress(strain) * TWICE[t.dimension]
-    sums = (stress * strain).sum(axis=(1, 2)) + (stress.sum(axis=1) * strain.sum(axis=1)).sum(axis=1)
-    return np.asarray(t.volume / ((d + 1) * (d + 2)) * sums)
+    return square(t, from_strain(t, strain))

@@ -64,6 +64,7 @@ _CHUNK = 16
 class DividedFacet:
     """A facet divided into parts, p = m^(d - 1) of them, and a cell on it into m^d."""
 
+    times: int  # m
     # barycentric coordinates of the vertices of its parts, in the order of those of the facet that they are similar to,
     # shape (p, d, d)
     parts: Array
@@ -71,11 +72,6 @@ class DividedFacet:
     mean: Array  # from values at the vertices of the parts to those of the closest linear function, shape (d, d p)
     x: Array  # barycentric coordinates of vertices in the cell, shape (v, d + 1); those of the facet are first
     corners: Ints  # of its parts, shape (m^d, d + 1)
-
-    @property
-    def times(self) -> int:
-        """M."""
-        return round(len(self.parts) ** (1 / (self.parts.shape[1] - 1)))
 
 
 @cache
@@ -97,7 +93,7 @@ def divided_facet(d: int, m: int) -> DividedFacet:
     at = np.array(list(numbers))
     x = -np.diff(np.column_stack((np.full(len(at), m), at, np.zeros(len(at)))), axis=1) / m
     kind = np.array([0] * len(straight) + [1] * len(turned), dtype=np.int64)
-    return DividedFacet(parts, kind, np.linalg.solve(mass, moments), x, np.array(corners))
+    return DividedFacet(m, parts, kind, np.linalg.solve(mass, moments), x, np.array(corners))
 
 
 def _mass(d: int) -> Array:

@@ -72,12 +72,6 @@ def _stiffness(t: Simplices) -> sp.csr_matrix:
     return sp.csr_matrix((local.ravel(), places), shape=(t.x.size, t.x.size))
 
 
-def rigid_motions(x: Array) -> Array:
-    """Translations and rotations of positions about their centre, of size one, shape (v, d) to (v, d, 3 or 6)."""
-    arm = x - x.mean(axis=0)
-    return motions_of(arm / np.abs(arm).max())
-
-
 def free_motions(t: Simplices, held: Array) -> Array:
     """An orthonormal basis of the rigid motions of one piece each that held facets leave free, shape (d v, k);
     ``held``: projectors onto the directions in which facets are held, shape (f, d, d).
@@ -86,8 +80,8 @@ def free_motions(t: Simplices, held: Array) -> Array:
     of_facet, bases = t.piece_of_vertex[t.facets[held_facets, 0]], []
     for piece in range(int(t.piece.max(initial=-1)) + 1):
         inside = t.piece_of_vertex == piece
-        modes = np.zeros((len(t.x), d, d * (d + 1) // 2))
-        modes[inside] = rigid_motions(t.x[inside])
+        arm, modes = t.x[inside] - t.x[inside].mean(axis=0), np.zeros((len(t.x), d, d * (d + 1) // 2))
+        modes[inside] = motions_of(arm / np.abs(arm).max())
         facets = held_facets[of_facet == piece]
         rows = np.einsum("fij,fajk->faik", held[facets], modes[t.facets[facets]]).reshape(-1, modes.shape[2])
         values, vectors = np.linalg.eigh(rows.T @ rows / max(len(rows), 1))

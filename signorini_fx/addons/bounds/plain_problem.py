@@ -80,8 +80,7 @@ class PlainProblem:
 
     Attributes:
         t: the cells; triangles of degree 2 are divided.
-        y: the displacement at vertices, and at the middles of edges, length, shapes (v, d) and (e, d).
-        middle: see ``y``.
+        y: the displacement at vertices, and at the middles of edges, length, shape (v + e, d).
         held: projectors onto the directions in which supports hold facets, shape (f, d, d).
         body: force per volume at the corners of the cells, shape (n, d + 1, d).
         traction: of loads at the vertices of the facets, without what supports take of it, stress, shape (f, d, d).
@@ -95,24 +94,23 @@ class PlainProblem:
         d = int(rows["x"].shape[2])
         numbers, corners = np.unique(rows["corners"], return_inverse=True)
         corners = corners.reshape(-1, d + 1)
-        self._numbers, x, y = numbers, np.zeros((len(numbers), d)), np.zeros((len(numbers), d))
-        x[corners], y[corners] = rows["x"], rows["displacement"]
-        ends, body = corners[:, EDGES[d]], rows["body"]
+        self._numbers, x, body = numbers, np.zeros((len(numbers), d)), rows["body"]
+        x[corners], ends = rows["x"], np.sort(corners[:, EDGES[d]], axis=2)
         turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
         order = np.where(turned[:, None], [*range(d - 1), d, d - 1], np.arange(d + 1))
-        corners, body = np.take_along_axis(corners, order, axis=1), np.take_along_axis(body, order[:, :, None], axis=1)
-        t = Simplices(x, corners, _moduli(rows, d))
-        middle = np.zeros((len(t.edges), d))
-        middle[np.searchsorted(t.keys(t.edges), t.keys(np.sort(ends, axis=2)))] = rows["middle"]
+        body = np.take_along_axis(body, order[:, :, None], axis=1)
+        t = Simplices(x, np.take_along_axis(corners, order, axis=1), _moduli(rows, d))
+        y = np.zeros((len(x) + len(t.edges), d))
+        y[np.column_stack((corners, len(x) + np.searchsorted(t.keys(t.edges), t.keys(ends))))] = rows["displacement"]
         self._given, self._halves = t, np.arange(len(t.facets))[:, None]
         if d == 2 and degree == 2:
             # The stress is linear: on four triangles it is as accurate as that of degree 2.
-            self.t, self.y, self.middle, self._halves = divide(t, y, middle)
+            self.t, self.y, self._halves = divide(t, y)
             body = np.einsum("kab,nbd->knad", OF_QUARTERS, body).reshape(-1, 3, 2)
         else:
-            self.t, self.y, self.middle = t, y, middle
+            self.t, self.y = t, y
         self.body = body
-        self.held = self._supports(middle, y)
+        self.held = self._supports(y)
         self.traction: Array = np.zeros((len(self.t.facets), d, d))
         facets, values = self._on_halves(self._placed("loaded"), rows["traction"])
         np.add.at(self.traction, facets, values)
@@ -132,13 +130,10 @@ class PlainProblem:
         on_facets = np.einsum("fad,fad->", with_hats(self.traction, t.area), y[t.facets])
         return float(on_facets + np.einsum("ncd,ncd->", self.body_moments, y[t.corners]))
 
-    def relative(self, surface: FacetsInContact, y: Array, middle: Array) -> Array:
+    def relative(self, surface: FacetsInContact, y: Array) -> Array:
         """Coefficients of Bernstein of a displacement of degree 2 relative to the other body, on parts."""
-        parts, of_sides = surface.parts, list[Array]()
-        for side in parts.sides:
-            facets = parts.facet(side)
-            nodal = np.concatenate((y[self.t.facets[facets]], middle[self.t.edges_of_facets[facets]]), axis=1)
-            of_sides.append(parts.restricted(coefficients(nodal), side))
+        parts, nodes = surface.parts, self.t.nodes_of_facets
+        of_sides = [parts.restricted(coefficients(y[nodes[parts.facet(side)]]), side) for side in parts.sides]
         return np.asarray(of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE])
 
     def _placed(self, name: str) -> Ints:
@@ -154,11 +149,11 @@ class PlainProblem:
         halved = np.einsum("hab,fb...->fha...", _ON_HALVES[values.shape[1]], values)
         return halves.ravel(), halved.reshape(-1, *values.shape[1:])
 
-    def _supports(self, middle: Array, y: Array) -> Array:
+    def _supports(self, y: Array) -> Array:
         """Projectors onto the directions that supports hold, where the displacement is what they prescribe."""
-        t, undivided, d = self.t, self._given, self.t.dimension
+        t, d = self.t, self.t.dimension
         facets, prescribed, direction = self._placed("supported"), self._rows["prescribed"], self._rows["direction"]
-        nodal = np.concatenate((y[undivided.facets[facets]], middle[undivided.edges_of_facets[facets]]), axis=1)
+        nodal = y[self._given.nodes_of_facets[facets]]
         missed = np.abs(np.einsum("mcd,md->mc", nodal, direction) - prescribed).max(initial=0.0)
         if missed > ZERO_IN_SOLUTION * max(np.abs(y).max(), np.abs(prescribed).max(initial=0.0)):
             raise refused("supports that prescribe different displacements where they meet")
@@ -205,13 +200,12 @@ class PlainProblem:
         """
         t, given = self.t, self._given
         # Of this side alone: vertices of the other body may be at the same places.
-        nodes = given.facets[undivided]
-        if len(t.x) > len(given.x):  # the middles of edges are vertices of the halves
-            nodes = np.concatenate((nodes, len(given.x) + given.edges_of_facets[undivided]), axis=1)
+        halved = len(t.x) > len(given.x)  # then the middles of edges are vertices, too
+        nodes = (given.nodes_of_facets if halved else given.facets)[undivided]
         own, nodal = np.unique(nodes), np.zeros((len(t.x), *values.shape[1:]))
         nodal[own[cKDTree(t.x[own]).query(points)[1]]] = values
         tractions = nodal[nodes]
-        if len(t.x) > len(given.x):
+        if halved:
             tractions = np.einsum("ab,mb...->ma...", _LINEAR, tractions)
             if positive:  # with the resultant of each facet, of which a thin body takes notice
                 cut = tractions.clip(min=0.0)

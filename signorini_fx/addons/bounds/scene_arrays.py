@@ -123,9 +123,9 @@ class _SceneRows:
     """What a rank sends but for contact points.
 
     Attributes:
-        rows: by name.  ``corners``, ``x``, ``displacement`` and ``body``, the force per volume, at corners; ``middle``,
-            the displacement at the middles of edges; ``lame`` and ``mu``, or ``stiffness``; ``traction``, ``support``
-            and for each contact k ``slave k`` and ``master k``, facets by their vertices, with values at these.
+        rows: by name.  ``corners``, ``x`` and ``body``, the force per volume, at corners; ``displacement``; ``lame``
+            and ``mu``, or ``stiffness``; ``loaded``, ``supported`` and for each contact k ``slave k`` and ``master k``,
+            facets by their vertices, with values at these.
     """
 
     def __init__(self, model: Model, y: fem.Function, step: float, areas: list[float]) -> None:
@@ -141,11 +141,12 @@ class _SceneRows:
             self.rows |= self._contact(number, effect)
 
     def _displacement(self, y: fem.Function) -> Rows:
-        """At corners, and at the middles of edges in the order of ``EDGES``."""
+        """At corners, and at the middles of edges in the order of ``EDGES``, shape (n, 6 or 10, d)."""
         d = self._d
         values = y.x.array.reshape(-1, d)[y.function_space.dofmap.list[: self._count]]
-        at, middles = np.split(values, [d + 1], axis=1)
-        return {"displacement": at, "middle": middles if middles.size else at[:, EDGES[d]].mean(axis=2)}
+        if values.shape[1] == d + 1:
+            values = np.concatenate((values, values[:, EDGES[d]].mean(axis=2)), axis=1)
+        return {"displacement": values}
 
     def _moduli(self) -> Rows:
         """Lame's parameters, or stiffness in the components ``ROWS`` and ``COLUMNS``, of the cells."""

@@ -135,6 +135,20 @@ class Simplices:
         return np.searchsorted(self.keys(self.edges), self.keys(self.facets[:, EDGES_OF_FACET[self.dimension]]))
 
     @cached_property
+    def nodes_of(self) -> Ints:
+        """Vertices, and edges after all vertices, of each cell, shape (n, 6 or 10)."""
+        return np.column_stack((self.corners, len(self.x) + self.edges_of))
+
+    @cached_property
+    def nodes_of_facets(self) -> Ints:
+        """The same of each facet, shape (f, 3 or 6)."""
+        return np.column_stack((self.facets, len(self.x) + self.edges_of_facets))
+
+    def with_middles(self, y: Array) -> Array:
+        """Values at nodes, the middles of edges after the vertices, of what is linear on the cells, from vertices."""
+        return np.concatenate((y, y[self.edges].mean(axis=1)))
+
+    @cached_property
     def sides(self) -> Ints:
         """The cells at each facet, the lower number first, -1 for none, shape (f, 2)."""
         order = np.argsort(self.facets_of.ravel(), kind="stable")
@@ -201,15 +215,14 @@ class Simplices:
         inverse = np.linalg.inv(self.jacobian)
         return np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)
 
-    def strain_at_corners(self, y: Array, middle: Array) -> Array:
-        """Strains of a displacement of degree 2, length, at vertices y and middles of edges, shapes (v, d) and (e, d),
-        at the corners of the cells, shape (n, d + 1, 3 or 6).
+    def strain_at_corners(self, y: Array) -> Array:
+        """Strains of a displacement of degree 2 at nodes, length, shape (v + e, d), at the corners of the cells, shape
+        (n, d + 1, 3 or 6).
         """
         d, g = self.dimension, self.gradients
         # From the first corner on: how far a cell moves costs its strain no digits.
-        first = y[self.corners[:, :1]]
-        at = y[self.corners] - first
-        bubble = middle[self.edges_of] - first - at[:, EDGES[d]].mean(axis=2)
+        at, middle = np.split(y[self.nodes_of] - y[self.corners[:, :1]], [d + 1], axis=1)
+        bubble = middle - at[:, EDGES[d]].mean(axis=2)
         gradient = np.repeat(np.einsum("nid,nij->ndj", at, g)[:, None], d + 1, axis=1)
         if np.any(bubble):
             for k, (a, b) in enumerate(EDGES[d]):  # 4 l_a l_b
@@ -263,22 +276,20 @@ def lagrange(d: int, degree: int, points: Array) -> tuple[Array, Array]:
     return tables[0], tables[1:]
 
 
-def divide(t: Simplices, y: Array, middle: Array) -> tuple[Simplices, Array, Array, Ints]:
-    """Each triangle in four by the middles of its edges, see ``QUARTERS``, with a displacement of degree 2 at vertices,
-    y, and at the middles of edges, length, shapes (v, 2) and (e, 2).
+def divide(t: Simplices, y: Array) -> tuple[Simplices, Array, Ints]:
+    """Each triangle in four by the middles of its edges, see ``QUARTERS``, with a displacement of degree 2 at nodes,
+    length, shape (v + e, 2).
 
     Returns:
-        Four times as many triangles, the first ones at the first corners; the displacement at their vertices, of which
-        the first v are the given ones and the next e the middles; at the middles of their edges; and the halves of
-        each given edge, that at its first end first, shape (e, 2).
+        Four times as many triangles, the first ones at the first corners, with the v + e nodes as vertices; the
+        displacement at their nodes; and the halves of each given edge, that at its first end first, shape (e, 2).
     """
-    nodes, middles = np.column_stack((t.corners, len(t.x) + t.edges_of)), len(t.x) + np.arange(len(t.edges))
-    x, nodal = (np.concatenate(values) for values in ((t.x, t.x[t.edges].mean(axis=1)), (y, middle)))
-    moduli = t.moduli.of(np.tile(np.arange(len(t.corners)), 4))
-    divided = Simplices(x, nodes[:, QUARTERS].transpose(1, 0, 2).reshape(-1, 3), moduli, 4)
+    moduli, middles = t.moduli.of(np.tile(np.arange(len(t.corners)), 4)), len(t.x) + np.arange(len(t.edges))
+    corners = t.nodes_of[:, QUARTERS].transpose(1, 0, 2).reshape(-1, 3)
+    divided = Simplices(t.with_middles(t.x), corners, moduli, 4)
     values, _ = lagrange(2, 2, OF_QUARTERS[:, EDGES[2]].mean(axis=2).reshape(-1, 3)[:, 1:])
     between = np.zeros((len(divided.edges), 2))
-    between[divided.edges_of] = np.einsum("ken,cnd->kced", values.reshape(4, 3, 6), nodal[nodes]).reshape(-1, 3, 2)
+    between[divided.edges_of] = np.einsum("ken,cnd->kced", values.reshape(4, 3, 6), y[t.nodes_of]).reshape(-1, 3, 2)
     keys = divided.keys(divided.edges)
     halves = [np.searchsorted(keys, divided.keys(np.column_stack((t.edges[:, k], middles)))) for k in (0, 1)]
-    return divided, nodal, between, np.column_stack(halves)
+    return divided, np.concatenate((y, between)), np.column_stack(halves)

@@ -46,7 +46,7 @@ class RigidPart:
         self.size = np.linalg.norm(np.ptp(pieces.bounds, axis=1), axis=1)
         self._turned = rigid_modes(self._without_mean(self.x), np.zeros(dim), np.array(1.0))[:, :, dim:]
         turns = self._turned.shape[2]
-        gram = self._sums(np.einsum("nik,nil->nkl", self._turned, self._turned).reshape(-1, turns**2))
+        gram = self.sums(np.einsum("nik,nil->nkl", self._turned, self._turned).reshape(-1, turns**2))
         self._inverse = np.linalg.pinv(gram.reshape(-1, turns, turns), hermitian=True)
 
     def largest_beside(self, y: Array) -> Array:
@@ -54,7 +54,7 @@ class RigidPart:
         the owned nodes, length, shape (owned nodes, d); collective.
         """
         motion = self._without_mean(y)
-        moment = self._sums(np.einsum("nik,ni->nk", self._turned, motion))
+        moment = self.sums(np.einsum("nik,ni->nk", self._turned, motion))
         angles = np.einsum("pkl,pl->pk", self._inverse, moment)
         return self.largest(np.linalg.norm(motion - np.einsum("nik,nk->ni", self._turned, angles[self.piece]), axis=1))
 
@@ -74,16 +74,12 @@ class RigidPart:
         pieces = self.piece if piece is None else piece
         return np.asarray(np.sqrt(parallel.sums_by(self._comm, pieces, squares, self.count)[:, 0]))
 
-    def works(self, *products: Array) -> Array:
-        """The sums of products of forces and displacements at the owned nodes, shape (pieces, number of products)."""
-        return self._sums(np.column_stack([np.sum(product, axis=1) for product in products]))
-
     def _without_mean(self, values: Array) -> Array:
-        sums = self._sums(np.column_stack((np.ones(len(values)), values)))
+        sums = self.sums(np.column_stack((np.ones(len(values)), values)))
         return np.asarray(values - (sums[:, 1:] / np.maximum(sums[:, :1], 1.0))[self.piece])
 
-    def _sums(self, values: Array) -> Array:
-        """Sums over the nodes of each piece, shape (pieces, ...)."""
+    def sums(self, values: Array) -> Array:
+        """Sums over the owned nodes of each piece, shape (owned nodes, ...) to (pieces, ...); collective."""
         return parallel.sums_by(self._comm, self.piece, values, self.count)
 
 

@@ -162,7 +162,7 @@ def judged(
     mean = scales.stress(np.maximum(halves, 0.0))
     if balance.with_loads:  # then their work tells of no stress without contact: what supports feel does
         held = np.linalg.norm(balance.internal - supports.left(balance.internal), axis=1)
-        mean = np.maximum(mean, pieces.works(held[:, None])[:, 0] / scales.surface)
+        mean = np.maximum(mean, pieces.sums(held[:, None])[:, 0] / scales.surface)
     far = pieces.largest(np.linalg.norm(y, axis=1))
     deformed = pieces.largest_beside(y)
     length = np.maximum(deformed, NO_FORCE * far.max())

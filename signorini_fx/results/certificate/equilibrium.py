@@ -40,7 +40,7 @@ class Balance:
 
     def works(self, y: Nodal) -> Nodal:
         """What internal and initial forces do on displacements of the owned nodes, energies, shape (pieces, 2)."""
-        return self.pieces.works(self.internal * y, self.initial * y)
+        return self.pieces.sums(np.stack((self.internal * y, self.initial * y), axis=1).sum(axis=2))
 
     def strain_energy(self, works: Nodal) -> float:
         """The energy of the stress from ``works``: of the strains, and what initial ones take of it, but round-off."""
@@ -110,7 +110,7 @@ def equilibrium(
     """
     supports, pieces = balance.supports, balance.pieces
     comm, (_, stiffest) = pieces.space.mesh.comm, balance.of_pieces()
-    nodes_of_pieces = pieces.works(np.ones((len(y), 1)))[:, 0]
+    nodes_of_pieces = pieces.sums(np.ones((len(y), 1)))[:, 0]
     spacing, count = stiffest.spacing(nodes_of_pieces), np.sqrt(nodes_of_pieces)
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
     firmness = stiffest.stiffness(spacing)
