@@ -48,11 +48,7 @@ class _Scope:
 
 
 def assembled(blocks: list[DeckBlock]) -> list[DeckBlock]:
-    """The keywords without parts and instances; those of a file without instances as they are.
-
-    Raises:
-        DeckError: a part is missing, or the position of an instance is wrong.
-    """
+    """The keywords without parts and instances; those of a file without instances as they are."""
     if not any(block.keyword == "INSTANCE" for block in blocks):
         return blocks
     assembly = _Scope("")
@@ -147,19 +143,13 @@ class _Names:
     instances: dict[str, _Scope]  # by their names in capitals
     counts: Counter[str]  # how many of them have a name
 
-    def word(self, word: str, scope: _Scope, *, numbered: bool = True) -> str:
-        """A set, a surface, a node or an element as it is called in the whole.
-
-        Args:
-            word: as it is in the file.
-            scope: where it is.
-            numbered: whether a whole number is that of a node or element.
-        """
+    def word(self, word: str, scope: _Scope) -> str:
+        """A set, a surface, or a node or element of a scope as it is called in the whole."""
         prefix, dot, suffix = word.partition(".")
         if dot and (candidate := self.instances.get(prefix.strip().upper())) is not None:
             return self.word(suffix.strip(), candidate)
         if word.isdecimal():
-            return str(int(word) + scope.first) if numbered else word
+            return str(int(word) + scope.first)
         if scope is self.whole or word.upper() not in scope.names:
             return word
         return word if self.counts[word.upper()] == 1 else f"{scope.name}.{word}"

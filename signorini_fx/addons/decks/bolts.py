@@ -6,10 +6,12 @@ FIXED keeps the one that has been reached.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckLoad
-from signorini_fx.addons.decks.text import DeckBlock, components, quoted, real
+from signorini_fx.addons.decks.text import DeckBlock, components, factors_of, real
 from signorini_fx.mechanics.mesh.files.cells import Floats, dimension
 from signorini_fx.tuned import DIGITS_OF_FILES
 
@@ -70,8 +72,8 @@ def drive(deck: Deck, block: DeckBlock, kind: str, node: int, component: int, va
     deck.loads.setdefault(key, DeckLoad("bolt", str(node), (kind,), block)).values[deck.step] = value
 
 
-def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
-    """Each table of a preload with its lines."""
+def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
+    """The tables of preloads."""
     courses: dict[int, dict[str, DeckLoad]] = {}
     for load in deck.loads.values():
         if load.table == "bolt":
@@ -82,26 +84,24 @@ def bolt_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
             course[key].by_step(steps) if key in course else [None] * steps for key in ("force", "fixed", "prescribed")
         )
         block = next(iter(course.values())).block
-        label = f"preload of {deck.bolts[node]!r}"
-        if not any(force):
-            if any(moved):
-                tables.append(_table(deck, block, node, "shortening", [value or 0.0 for value in moved], []))
+        key, values, until = "shortening", moved, 0
+        if any(force):
+            label = f"preload of {deck.bolts[node]!r}"
+            until = next((k for k in range(steps) if fixed[k] or moved[k] is not None), steps)
+            if until == 0 or not all(value is not None and value > 0 for value in force[:until]):
+                deck.lose(block, f"{label}: give a positive force in each step until it is fixed, or a shortening")
+                continue
+            if any(value is not None for value in moved):
+                deck.lose(block, f"{label}: prescribed after a force: the length that the force leads to is kept")
+            share = deck.thickness if deck.mesh.dim == 2 else 1.0
+            # The force after the section is fixed does not matter.
+            key, values = (
+                "force",
+                [(value or 0.0) / share for value in force[:until] + force[until - 1 : until] * (steps - until)],
+            )
+        elif not any(moved):
             continue
-        until = next((k for k in range(steps) if fixed[k] or moved[k] is not None), steps)
-        if until == 0 or not all(value is not None and value > 0 for value in force[:until]):
-            deck.lose(block, f"{label}: give a positive force in each step until it is fixed, or a shortening")
-            continue
-        if any(value is not None for value in moved):
-            deck.lose(block, f"{label}: prescribed after a force: the length that the force leads to is kept")
-        share = deck.thickness if deck.mesh.dim == 2 else 1.0
-        values = [(value or 0.0) / share for value in force[:until]]
-        values += values[-1:] * (steps - until)  # the force after the section is fixed does not matter
-        tables.append(_table(deck, block, node, "force", values, [f"locked_after = {until}"] * (until > 1)))
-    return [("[[preload]]", lines) for lines in tables]
-
-
-def _table(deck: Deck, block: DeckBlock, node: int, key: str, values: list[float], extra: list[str]) -> list[str]:
-    largest = max(values, key=abs)
-    factors = [value / largest for value in values]
-    lines = [f"# {block.origin}", f"section = {quoted(deck.bolts[node])}", f"{key} = {largest!r}", *extra]
-    return lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])
+        largest, factors = factors_of([value or 0.0 for value in values])
+        table = {"#": block.origin, "section": deck.bolts[node], key: largest}
+        tables.append(("[[preload]]", table | {"locked_after": until if until > 1 else None, "factors": factors}))
+    return tables

@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
 from signorini_fx.addons.decks.keywords import CONSTRAINT
-from signorini_fx.addons.decks.text import DeckBlock, parameter, quoted, real, real_or_none
+from signorini_fx.addons.decks.text import DeckBlock, parameter, real, real_or_none
 from signorini_fx.mechanics.mesh.files.cells import Ints
 from signorini_fx.tuned import HARD_CONTACT
 
@@ -102,9 +103,9 @@ def read_ties(deck: Deck, block: DeckBlock) -> None:
         deck.pairs += [SurfacePair(row[0], (*row, row[0])[1], None, block) for row in block.rows]
 
 
-def contact_tables(deck: Deck) -> tuple[list[list[str]], list[str]]:
-    """The lines of each [[contact]], and those of [solver] with their stiffness."""
-    tables: list[list[str]] = []
+def contact_tables(deck: Deck) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """The tables [[contact]], and [solver] with their stiffness."""
+    tables: list[dict[str, Any]] = []
     interactions: list[Interaction | None] = []
     taken: dict[str, Ints] = {}  # facets with contact points: they are in one contact only
     touched: dict[str, Ints] = {}  # by others, which may be several
@@ -125,12 +126,13 @@ def contact_tables(deck: Deck) -> tuple[list[list[str]], list[str]]:
             continue
         taken[first] = facets[first]
         touched[opposite] = facets[opposite]
-        lines = [f"# {pair.block.origin}", f"boundary = {quoted(first)}", f"against = {quoted(opposite)}"]
+        table: dict[str, Any] = {"#": pair.block.origin, "boundary": first, "against": opposite}
         if interaction is None or interaction.tied:
-            lines.append('kind = "bonded"')
+            table["kind"] = "bonded"
         else:
-            lines += _adjust(deck, pair, label) + _friction(interaction)
-        tables.append(lines)
+            law = {"law": "coulomb", "coefficient": interaction.coefficient, "cap": interaction.cap}
+            table |= {"adjust": _adjust(deck, pair, label), "friction": law if interaction.coefficient else None}
+        tables.append(table)
         interactions.append(interaction)
     return tables, _stiffness(deck, interactions, tables)
 
@@ -141,49 +143,37 @@ def _shared(facets: Ints, opposite: dict[str, Ints]) -> bool:
 
 def _oriented(deck: Deck) -> list[SurfacePair]:
     """The pairs; where one dependent surface is in several, the other surfaces get the contact points."""
-    counts = Counter(deck.boundary(pair.slave) for pair in deck.pairs)
-
-    def turned(pair: SurfacePair) -> SurfacePair:
-        several = deck.boundary(pair.slave) is not None and counts[deck.boundary(pair.slave)] > 1
-        if not several or pair.adjust is not None:
-            return pair
-        return replace(pair, slave=pair.master, master=pair.slave)
-
-    return [turned(pair) for pair in deck.pairs]
+    counts = Counter(filter(None, (deck.boundary(pair.slave) for pair in deck.pairs)))
+    return [
+        replace(pair, slave=pair.master, master=pair.slave)
+        if pair.adjust is None and counts[deck.boundary(pair.slave) or ""] > 1
+        else pair
+        for pair in deck.pairs
+    ]
 
 
-def _adjust(deck: Deck, pair: SurfacePair, label: str) -> list[str]:
-    """How far points are moved onto the other side: ADJUST of *CONTACT PAIR, a length or a set of nodes."""
-    if pair.adjust is None:
-        return []
-    if (length := real_or_none(pair.adjust)) is not None:
-        return [f"adjust = {length!r}"]
+def _adjust(deck: Deck, pair: SurfacePair, label: str) -> float | None:
+    """How far points are moved onto the other side, length: ADJUST of *CONTACT PAIR, a length or a set of nodes."""
+    length = None if pair.adjust is None else real_or_none(pair.adjust)
+    if pair.adjust is None or length is not None:
+        return length
     if np.isin(deck.held(str(deck.boundary(pair.slave))), deck.nodes(pair.adjust)).all():
-        return [f"adjust = {deck.size!r}"]
+        return deck.size
     deck.lose(pair.block, f"{label}: ADJUST: a set with only some nodes of the dependent surface is not read")
-    return []
+    return None
 
 
-def _friction(interaction: Interaction) -> list[str]:
-    if not interaction.coefficient:
-        return []
-    cap = "" if interaction.cap is None else f", cap = {interaction.cap!r}"
-    return [f'friction = {{ law = "coulomb", coefficient = {interaction.coefficient!r}{cap} }}']
-
-
-def _stiffness(deck: Deck, interactions: list[Interaction | None], tables: list[list[str]]) -> list[str]:
+def _stiffness(deck: Deck, interactions: list[Interaction | None], tables: list[dict[str, Any]]) -> dict[str, Any]:
     """The stiffness of contact and of sticking as keys of [solver], which hold for the whole scene; where contacts
     differ in the first one, or bonds are beside soft contact, each contact has an overclosure of its own.
     """
-    contacts = [used_interaction for used_interaction in interactions if used_interaction is not None]
-    slopes = {used_interaction.stiffness for used_interaction in contacts}
+    contacts = [used for used in interactions if used is not None]
+    slopes, tied = {used.stiffness for used in contacts}, [used.tied for used in contacts]
     slope = next(iter(slopes)) if len(slopes) == 1 else None
-    bonded = None in interactions or any(used_interaction.tied for used_interaction in contacts)
-    lines = []
-    if slope is not None and (
-        slope >= _hard(deck) or not bonded or all(used_interaction.tied for used_interaction in contacts)
-    ):
-        lines.append(f"gamma_n = {slope!r}")
+    bonded = None in interactions or any(tied)
+    solver = {}
+    if slope is not None and (slope >= _hard(deck) or not bonded or all(tied)):
+        solver["gamma_n"] = slope
     else:
         for interaction, table in zip(interactions, tables, strict=True):
             if interaction is None or interaction.stiffness is None or interaction.behaviour is None:
@@ -191,15 +181,15 @@ def _stiffness(deck: Deck, interactions: list[Interaction | None], tables: list[
             if interaction.tied:
                 deck.lose(interaction.behaviour, "the stiffness of a bond beside other contact is not read")
             else:
-                table.append(f'overclosure = {{ law = "linear", stiffness = {interaction.stiffness!r} }}')
-    rubbing = [used_interaction.sticking for used_interaction in contacts if used_interaction.coefficient]
+                table["overclosure"] = {"law": "linear", "stiffness": interaction.stiffness}
+    rubbing = [used.sticking for used in contacts if used.coefficient]
     soft = [sticking for sticking in rubbing if sticking is not None]
     if soft:
-        lines.append(f"gamma_t = {max(soft)!r}")
+        solver["gamma_t"] = max(soft)
         if len({*rubbing}) > 1 and min(soft) < _hard(deck):
             block = next(pair.block for pair in deck.pairs if pair.interaction is not None)
             deck.lose(block, "contacts of several stiffnesses of sticking: a scene has one gamma_t, the largest")
-    return lines
+    return solver
 
 
 def _hard(deck: Deck) -> float:
@@ -208,17 +198,13 @@ def _hard(deck: Deck) -> float:
     return HARD_CONTACT * max(moduli, default=0.0) / deck.size
 
 
-def say_partners(deck: Deck, contacts: list[list[str]]) -> list[list[str]]:
-    """The lines of contacts of nonlinear bodies with what they say of sliding: what is tied or adjusted keeps its
-    partners, and so do sides of degree 2 in 3D.
+def say_partners(deck: Deck, contacts: list[dict[str, Any]]) -> None:
+    """Say of contacts of nonlinear bodies how they slide: what is tied or adjusted keeps its partners, and so do sides
+    of degree 2 in 3D.
     """
-    result = []
-    for lines in contacts:
-        bonded = any('kind = "bonded"' in line for line in lines)
-        keeps = (
-            bonded or any(line.startswith("adjust") for line in lines) or (deck.mesh.dim, deck.mesh.degree) == (3, 2)
-        )
-        result.append([*lines, 'sliding = "small"'] if keeps else lines)
-        if keeps and not bonded and deck.nonlinear is not None:
-            deck.lose(deck.nonlinear, "NLGEOM: points in contact keep their partners")
-    return result
+    for table in contacts:
+        bonded, adjusted = "kind" in table, table.get("adjust") is not None
+        if bonded or adjusted or (deck.mesh.dim, deck.mesh.degree) == (3, 2):
+            table["sliding"] = "small"
+            if not bonded and deck.nonlinear is not None:
+                deck.lose(deck.nonlinear, "NLGEOM: points in contact keep their partners")

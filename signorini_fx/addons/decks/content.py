@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.mesh import DeckModel
-from signorini_fx.addons.decks.text import DeckBlock, number_of, quoted
+from signorini_fx.addons.decks.text import DeckBlock, number_of
 from signorini_fx.mechanics.kinematics import of_materials
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain
 from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, dimension
+
+# Keys of a table with their values, where boundaries have no names.
+Place = tuple[tuple[str, Any], ...]
 
 
 @dataclass
@@ -26,7 +29,7 @@ class DeckLoad:
     keys: tuple[str, ...]  # of the table
     block: DeckBlock  # the first keyword that gives it
     direction: tuple[float, ...] = (1.0,)  # share of the value in each key
-    lines: tuple[str, ...] = ()  # of its table besides the keys
+    place: Place = ()  # keys of its table besides these
     values: dict[int, float | None] = field(default_factory=dict)  # step -> value; None: it ends with this step
 
     def by_step(self, steps: int) -> list[float | None]:
@@ -140,22 +143,6 @@ class Deck:
                 lines.append(f"{places[0]}, *{name}{repeats}: {why}")
         return lines
 
-    def course(self, load: DeckLoad, steps: int, *, releases: bool = False) -> list[float]:
-        """The values of a load in the steps.
-
-        Args:
-            load: of this deck.
-            steps: how many there are.
-            releases: whether the scene has supports that hold in some steps only; else they are lost.
-        """
-        values = load.by_step(steps)
-        prescribes = load.table == "displacement" and not releases
-        if prescribes and None in values and any(value is not None for value in values):
-            free = ", ".join(name for name, value in zip(self.steps, values, strict=False) if value is None)
-            where = load.lines[0] if load.lines else repr(load.target)
-            self.lose(load.block, f"{where} is free along {load.keys[-1]} in {free}: here it is held there")
-        return [value or 0.0 for value in values]
-
     # --- names --------------------------------------------------------------------------------------------------------
 
     @cached_property
@@ -191,12 +178,7 @@ class Deck:
         return self._label("nodes", name) is not None
 
     def check_nodes(self, name: str) -> None:
-        """Check that a name is a number, or that of a set of nodes or faces, which the body may not have; CalculiX
-        takes numbers of nodes that the file has not, too.
-
-        Raises:
-            ValueError: the file does not define it.
-        """
+        """Refuse names of sets that the file does not define; CalculiX takes numbers that it has not, too."""
         is_set = self.has_nodes(name) or self.boundary(name) is not None or self.surface(name) is not None
         if number_of(name) is None and not is_set:
             raise ValueError(f"set {name!r} does not exist")
@@ -237,11 +219,10 @@ class Deck:
         cells = {name: self.mesh.cells[self.mesh.regions[name]] for name in self.model.bodies}
         return {node: name for name, nodes in cells.items() for node in plain(np.unique(nodes))}
 
-    def at_point(self, row: int) -> tuple[str, ...]:
-        """A node as lines of a table, by its row in the file: another body may have a node at the same place."""
+    def at_point(self, row: int) -> Place:
+        """The place of a node by its row in the file: another body may have a node at the same place."""
         node = int(np.searchsorted(self.numbers, row))
-        region = (f"region = {quoted(self._body_of[node])}",) if self._body_of else ()
-        return (f"at = {plain(self.mesh.points[node])}", *region)
+        return (("at", tuple(plain(self.mesh.points[node]))), ("region", self._body_of.get(node, "")))
 
     def rows(self, nodes: Iterable[int]) -> Ints:
         """Rows of the file of those of some nodes that the body has, in their order."""
@@ -272,9 +253,7 @@ class Deck:
 
     @cached_property
     def given_singly(self) -> set[int]:
-        """The components of forces at nodes, of which one keyword changes some that another one gives: by boundaries
-        they would be added.
-        """
+        """The components of which one keyword changes some forces of another one: by boundaries they would add up."""
         single_components, seen = set[int](), dict[tuple[int, int], frozenset[int]]()
         for block in self.model.blocks:
             for group in self.model.groups.get(block.number, ()) if block.keyword == "CLOAD" else ():

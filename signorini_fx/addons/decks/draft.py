@@ -1,7 +1,4 @@
-"""The draft of a scene from an Abaqus input file, which is read keyword by keyword.
-
-Each keyword has a function that takes the deck and the keyword; all others are in the tables of ``keywords``.
-"""
+"""The draft of a scene from an Abaqus input file: a keyword has a function here, or is in a table of ``keywords``."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ from signorini_fx.addons.decks.contact import (
 )
 from signorini_fx.addons.decks.content import Deck
 from signorini_fx.addons.decks.mesh import NO_BODY, POINTS, read_model
-from signorini_fx.addons.decks.text import DeckBlock, placed, quoted, real
+from signorini_fx.addons.decks.text import DeckBlock, factors_of, lines_of, origins_of, placed, real, written
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import from_raw
 
@@ -50,15 +47,7 @@ class Draft:
 
 
 def draft(file: Path, target: Path) -> Draft:
-    """The scene that an input file describes.
-
-    Args:
-        file: the input file.
-        target: where the scene will be, from which it refers to the file.
-
-    Raises:
-        MeshError: see ``read_deck``; there is no material.
-    """
+    """The scene that an input file describes; ``target``: where it will be, from which it refers to the file."""
     deck = read_deck(file)
     with placed(file):
         tables = _tables(deck)
@@ -69,77 +58,80 @@ def draft(file: Path, target: Path) -> Draft:
         lost.append("all of its contact: bodies do not touch in the scene")
     lines = [f"# From {file.name}: read it, and complete what it lacks."]
     lines += [f"# Left out: {remark}" for remark in noted]
-    lines += [f"title = {quoted(deck.title or file.stem)}"]
+    lines += [f"title = {written(deck.title or file.stem)}"]
     if lost:
         lines += ["# Remove what you have completed, or do not need: results are incomplete as long as this is here."]
-        lines += ["incomplete = [", *(f"    {quoted(remark)}," for remark in lost), "]"]
-    lines += ["", "[mesh]", f"file = {quoted(os.path.relpath(file, target.parent))}"]
-    for heading, table_lines in tables:
-        lines += ["", heading, *table_lines]
+        lines += ["incomplete = [", *(f"    {written(remark)}," for remark in lost), "]"]
+    lines += ["", "[mesh]", f"file = {written(os.path.relpath(file, target.parent))}"]
+    for heading, table in tables:
+        lines += ["", heading, *lines_of(table)]
     return Draft("\n".join(lines) + "\n", lost, noted, deck)
 
 
-def _tables(deck: Deck) -> list[tuple[str, list[str]]]:
-    """All tables of the scene but its mesh, each with its lines."""
+def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
+    """All tables of the scene but its mesh."""
     steps = max(1, len(deck.steps))
-    element = ["degree = 2"] if deck.mesh.degree == 2 else []
-    element += ['volumetric = "auto"'] if material.has_rubber(deck) else []
+    element: dict[str, Any] = {"degree": 2} if deck.mesh.degree == 2 else {}
+    element |= {"volumetric": "auto"} if material.has_rubber(deck) else {}
     heat = loads.temperature_tables(deck, steps)
     contacts, stiffness = contact_tables(deck)
     obstacle = material.obstacle_of(deck, contacts, heated=bool(heat))
     if material.is_nonlinear(deck, obstacle):
-        contacts = say_partners(deck, contacts)
+        say_partners(deck, contacts)
     tables = [
         *([("[element]", element)] if element else []),
         *material.material_tables(deck, obstacle, heated=bool(heat)),
         *_load_tables(deck, steps, releases=bool(contacts)),
         *heat,
         *bolt_tables(deck, steps),
-        *(("[[contact]]", lines) for lines in contacts),
+        *(("[[contact]]", table) for table in contacts),
     ]
-    all_lines = [line for _, lines in tables for line in lines]
-    if any(line.startswith(("factors", "holds")) for line in all_lines):  # else all steps are the same
-        tables.append(("[load_steps]", [f"names = [{', '.join(map(quoted, deck.steps))}]"]))
+    if any(table.get(key) for _, table in tables for key in ("factors", "holds")):  # else all steps are the same
+        tables.append(("[load_steps]", {"names": deck.steps}))
     return tables + ([("[solver]", stiffness)] if stiffness else [])
 
 
-def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, list[str]]]:
-    """Supports and loads; those of a boundary that have the same course over the steps share a table."""
+def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, dict[str, Any]]]:
+    """Supports and loads; those of a boundary that have the same course over the steps share a table.
+
+    Without ``releases`` the scene has no supports that hold in some steps only.
+    """
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     origins: dict[tuple[Any, ...], list[DeckBlock]] = {}
     for load in deck.loads.values():
         if load.table == "bolt":
             continue
-        values = deck.course(load, steps, releases=releases)
-        largest = max(values, key=abs)
-        if largest == 0 and load.table != "displacement":
+        values = load.by_step(steps)
+        largest, factors = factors_of([value or 0.0 for value in values])
+        supports = load.table == "displacement"
+        if largest == 0 and not supports:
             continue
-        holding = tuple(value is not None for value in load.by_step(steps))
-        held = holding if releases and load.table == "displacement" and not all(holding) else ()
-        if held and not any(held):
+        held = tuple(value is not None for value in values) if supports and None in values else ()
+        if held and not releases and any(held):
+            free = ", ".join(name for name, value in zip(deck.steps, values, strict=False) if value is None)
+            where = f"at = {written(load.place[0][1])}" if load.place else repr(load.target)
+            deck.lose(load.block, f"{where} is free along {load.keys[-1]} in {free}: here it is held there")
+            held = ()
+        elif held and not any(held):
             continue
-        factors = tuple(value / largest for value in values) if largest else ()
         components = {key: share * largest for key, share in zip(load.keys, load.direction, strict=False) if share}
         if load.table == "rotation":  # its factors multiply the force
             components = {"speed": math.sqrt(largest)}
-        where = (load.table, load.target, load.lines, () if set(factors) <= {1.0} else factors, held)
+        where = (load.table, load.target, load.place, factors, held)
         # Two loads with the same component are two entries, which add up.
         entry = next(n for n in count() if not components.keys() & merged.get((*where, n), {}).keys())
         merged.setdefault((*where, entry), {}).update(components)
         origins.setdefault((*where, entry), []).append(load.block)
     tables, weighing = [], False
     for key, components in merged.items():
-        table, target, extra, factors, held, _ = key
+        table, target, place, factors, held, _ = key
         if table == "body_force" and weighing:
             deck.lose(origins[key][0], "several body forces: a scene has one, the first is taken")
             continue
         weighing |= table == "body_force"
-        lines = [f"# {' and '.join(dict.fromkeys(block.origin for block in origins[key]))}"]
-        lines += [f"boundary = {quoted(target)}"] if target else []
-        lines += [*extra, *(f"{axis} = {value!r}" for axis, value in components.items())]
-        lines += [f"factors = {list(factors)}"] if factors else []
-        lines += [f"holds = [{', '.join('true' if value else 'false' for value in held)}]"] if held else []
-        tables.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", lines))
+        entries = {"#": origins_of(origins[key]), "boundary": target, **dict(place), **components}
+        entries |= {"factors": factors, "holds": held}
+        tables.append((f"[{table}]" if table == "body_force" else f"[[{table}]]", entries))
     return tables
 
 
@@ -147,15 +139,7 @@ def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, l
 
 
 def read_deck(file: Path) -> Deck:
-    """An input file: its mesh, and what acts on the body.
-
-    Args:
-        file: the input file.
-
-    Raises:
-        MeshError: there is no such file, or it is no mesh; a number is none, or a line has too few; the first step is
-            of no kind.
-    """
+    """An input file: its mesh, and what acts on the body."""
     model = read_model(file)
     mesh = from_raw(model.raw, str(file))
     outside = {name: rows[rows < mesh.exterior] for name, rows in mesh.boundaries.items()}

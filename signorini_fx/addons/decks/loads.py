@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 import numpy as np
 
 from signorini_fx.addons.decks import bolts
-from signorini_fx.addons.decks.content import Deck, DeckLoad, plain_name
+from signorini_fx.addons.decks.content import Deck, DeckLoad, Place, plain_name
 from signorini_fx.addons.decks.keywords import NO_BODY_PART, UNKNOWN, WITHOUT_EFFECT
 from signorini_fx.addons.decks.mesh import Group
 from signorini_fx.addons.decks.text import (
@@ -16,9 +17,10 @@ from signorini_fx.addons.decks.text import (
     DeckBlock,
     DeckError,
     components,
+    factors_of,
     number_of,
+    origins_of,
     parameter,
-    quoted,
     real,
 )
 from signorini_fx.mechanics.mesh.files.arrays import plain
@@ -67,12 +69,12 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         where = deck.boundary(name)
         if where is not None and np.setdiff1d(deck.held(where), held).size:
             where = None  # facets have nodes in the middle of their sides that stay free
-        places: list[tuple[str, tuple[str, ...]]] = [] if where is None else [(where, ())]
+        places: list[tuple[str, Place]] = [] if where is None else [(where, ())]
         alone = held if where is None else np.setdiff1d(held, deck.held(where))
         places += [("", deck.at_point(row)) for row in plain(alone)]
         for axis, value in along.items():
-            for target, lines in places:
-                _set_load(deck, DeckLoad("displacement", target, (axis,), block, lines=lines), value)
+            for target, place in places:
+                _set_load(deck, DeckLoad("displacement", target, (axis,), block, place=place), value)
 
 
 def read_surface_loads(deck: Deck, block: DeckBlock) -> None:
@@ -131,10 +133,9 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             _set_load(deck, DeckLoad("gravity", "", tuple(deck.axes), block, direction), factor * words[0])
         else:
             about, axis = words[1:4], words[4:7]
-            lines = [f"about = {about[: deck.mesh.dim]}"]
-            if deck.mesh.dim == 3 or any(axis[:2]):
-                lines.append(f"axis = {axis[: deck.mesh.dim]}")
-            _set_load(deck, DeckLoad("rotation", "", ("speed",), block, lines=tuple(lines)), factor * words[0])
+            turns = deck.mesh.dim == 3 or any(axis[:2])
+            place = (("about", tuple(about[: deck.mesh.dim])), ("axis", tuple(axis[: deck.mesh.dim]) if turns else ()))
+            _set_load(deck, DeckLoad("rotation", "", ("speed",), block, place=place), factor * words[0])
 
 
 def _kind_at(row: list[str]) -> int | None:
@@ -192,7 +193,7 @@ def _push_singly(deck: Deck, block: DeckBlock, group: Group, axis: str, factor: 
     share = deck.thickness if deck.mesh.dim == 2 and deck.kinematics.uniform else 1.0
     for node, value in zip(group.nodes, group.values, strict=True):
         for row in plain(deck.rows([node])) if node not in deck.bolts else []:
-            load = DeckLoad("point_force", "", (axis,), block, lines=deck.at_point(row))
+            load = DeckLoad("point_force", "", (axis,), block, place=deck.at_point(row))
             _set_load(deck, load, factor * value / share)
 
 
@@ -277,7 +278,7 @@ def _course_of(amplitude: DeckBlock) -> tuple[Floats, Floats]:
 def _set_load(deck: Deck, load: DeckLoad, value: float) -> None:
     """Loads that a step gives several times add up; what earlier steps gave is replaced, as are displacements."""
     block = load.block
-    key = (load.table, load.target, load.keys, load.direction, block.keyword, load.lines)
+    key = (load.table, load.target, load.keys, load.direction, block.keyword, load.place)
     load_of_key = deck.loads.setdefault(key, load)
     earlier = load_of_key.values.get(deck.step) if block.keyword in _LOADS else None
     load_of_key.values[deck.step] = value + (earlier or 0.0)
@@ -329,7 +330,7 @@ def _at(deck: Deck, step: int) -> Floats:
     return deck.temperatures[max(steps)] if steps else np.zeros(len(deck.numbers))
 
 
-def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
+def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, dict[str, Any]]]:
     """The change of the temperature of each body since the beginning, with its course over the steps."""
     if not any(properties.get("expansion") for properties in deck.materials.values()):
         return []  # nothing expands
@@ -344,9 +345,7 @@ def temperature_tables(deck: Deck, steps: int) -> list[tuple[str, list[str]]]:
         courses = {"": next(iter(courses.values()))}
     tables = []
     for name, course in courses.items():
-        largest = max(course, key=abs)
-        factors = [value / largest for value in course]
-        origins = f"# {' and '.join(dict.fromkeys(block.origin for block in deck.heating))}"
-        lines = [origins, f"change = {largest!r}", *([f"region = {quoted(name)}"] if name else [])]
-        tables.append(("[[temperature]]", lines + ([f"factors = {factors}"] if set(factors) != {1.0} else [])))
+        largest, factors = factors_of(course)
+        table = {"#": origins_of(deck.heating), "change": largest, "region": name, "factors": factors}
+        tables.append(("[[temperature]]", table))
     return tables

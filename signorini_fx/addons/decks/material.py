@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, DeckSection
 from signorini_fx.addons.decks.keywords import NO_BODY_PART
-from signorini_fx.addons.decks.text import DeckBlock, DeckError, parameter, quoted, real
+from signorini_fx.addons.decks.text import DeckBlock, DeckError, parameter, real
 
 _NOT_YET_NONLINEAR = "a nonlinear material is not possible yet"
 _FIRST_LINE = "constants that depend on temperature: the first line is taken"
@@ -74,11 +74,7 @@ def read_expansion(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_elastic(deck: Deck, block: DeckBlock) -> None:
-    """*ELASTIC.
-
-    Raises:
-        DeckError: it is not isotropic.
-    """
+    """*ELASTIC."""
     properties = _properties(deck)
     if block.parameters.get("TYPE", "ISOTROPIC").upper() not in ("ISOTROPIC", "ISO"):
         raise DeckError(block, "only isotropic elasticity is read: state others in a scene, with material.orthotropic")
@@ -88,11 +84,7 @@ def read_elastic(deck: Deck, block: DeckBlock) -> None:
 
 
 def read_rubber(deck: Deck, block: DeckBlock) -> None:
-    """*HYPERELASTIC: its energy, with kappa = 2 / D1 and, of Ogden, 2 mu / alpha for its mu.
-
-    Raises:
-        DeckError: scenes do not know the energy.
-    """
+    """*HYPERELASTIC: its energy, with kappa = 2 / D1 and, of Ogden, 2 mu / alpha for its mu."""
     properties, parameters = _properties(deck), block.parameters
     named = [key for key in _ENERGIES if key in parameters] or ["POLYNOMIAL"]
     terms = round(parameter(block, "N")) if "N" in parameters else 1
@@ -108,17 +100,17 @@ def read_rubber(deck: Deck, block: DeckBlock) -> None:
         raise DeckError(block, _OTHER_RUBBER)
     if len(block.rows) > -(-count // 8):
         deck.lose(block, _FIRST_LINE)
-    lines: dict[str, Any] = {"law": "ogden" if law == "ogden" else "mooney-rivlin"}
+    table: dict[str, Any] = {"law": "ogden" if law == "ogden" else "mooney-rivlin"}
     if law == "ogden":
         mu, alpha = words[: 2 * terms : 2], words[1 : 2 * terms : 2]
         if not all(alpha) or not min(mu) > 0:
             raise ValueError("mu must be above 0 here, and no exponent alpha zero")
-        lines |= {"mu": [2 * m / a for m, a in zip(mu, alpha, strict=True)], "alpha": alpha}
+        table |= {"mu": [2 * m / a for m, a in zip(mu, alpha, strict=True)], "alpha": alpha}
     else:
         if min(words[: count - 1]) < 0 or not sum(words[: count - 1]) > 0:
             raise ValueError("C10 and C01 must not be negative here, and their sum be above 0")
-        lines |= dict(zip(("c10", "c01"), words[: count - 1], strict=False))
-    properties["rubber"] = lines | {"bulk": 2 / volumes[0]}, block
+        table |= dict(zip(("c10", "c01"), words[: count - 1], strict=False))
+    properties["rubber"] = table | {"bulk": 2 / volumes[0]}, block
 
 
 def read_hardening(deck: Deck, block: DeckBlock) -> None:
@@ -141,18 +133,8 @@ def read_hardening(deck: Deck, block: DeckBlock) -> None:
 # --- tables of the scene ----------------------------------------------------------------------------------------------
 
 
-def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[str, list[str]]]:
-    """The lines of each material.
-
-    Args:
-        deck: the input file.
-        obstacle: see ``obstacle_of``.
-        heated: whether there are temperatures.
-
-    Raises:
-        ValueError: a part of the body has none.
-        DeckError: an element has two.
-    """
+def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[str, dict[str, Any]]]:
+    """The tables of materials, of which each part of the body has one; ``obstacle``: see ``obstacle_of``."""
     weighs = any(load.table in ("gravity", "rotation") for load in deck.loads.values())
     keys = ("density",) * weighs + ("expansion",) * heated
     covered = np.zeros(len(deck.mesh.cells), dtype=bool)
@@ -166,7 +148,7 @@ def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[st
         place = ", ".join(f"{value:g}" for value in middle)
         count = np.count_nonzero(~covered)
         raise ValueError(f"no material: {count} of {len(covered)} cells are in no section, the first at ({place})")
-    shown = list[tuple[str, list[str]]]()
+    shown = list[tuple[str, dict[str, Any]]]()
     for section in deck.sections:
         name = f"the material {section.material!r} of {section.region!r}"
         if (properties := deck.materials.get(section.material)) is None:
@@ -174,14 +156,14 @@ def material_tables(deck: Deck, obstacle: str, *, heated: bool) -> list[tuple[st
         law = _nonlinear_law(deck, section, obstacle)
         if law is None and "young" not in properties:
             raise DeckError(section.block, f"{name} has no *ELASTIC")
-        law = law or [f"{key} = {properties[key]!r}" for key in ("young", "poisson")]
+        law = law or {key: properties[key] for key in ("young", "poisson")}
         # without *EXPANSION a material does not expand
         properties = {"expansion": 0.0, **properties} if heated else properties
-        shown.append((section.region, [*law, *(f"{key} = {properties[key]!r}" for key in keys if key in properties)]))
-    hypothesis = [f"hypothesis = {quoted(deck.hypothesis)}"] if deck.hypothesis else []
-    if all(lines == shown[0][1] for _, lines in shown):
-        return [("[material]", [*shown[0][1], *hypothesis])]
-    return [("[[material]]", [f"region = {quoted(region)}", *lines, *hypothesis]) for region, lines in shown]
+        law |= {key: properties.get(key) for key in keys} | {"hypothesis": deck.hypothesis}
+        shown.append((section.region, law))
+    if all(law == shown[0][1] for _, law in shown):
+        return [("[material]", shown[0][1])]
+    return [("[[material]]", {"region": region, **law}) for region, law in shown]
 
 
 def has_rubber(deck: Deck) -> bool:
@@ -189,12 +171,11 @@ def has_rubber(deck: Deck) -> bool:
     return any("rubber" in deck.materials.get(section.material, {}) for section in deck.sections)
 
 
-def obstacle_of(deck: Deck, contacts: Sequence[Sequence[str]], *, heated: bool) -> str:
+def obstacle_of(deck: Deck, contacts: Sequence[Mapping[str, Any]], *, heated: bool) -> str:
     """The part of a scene that excludes nonlinear materials; "": there is none."""
-    lines = [line for contact in contacts for line in contact]
     finite = deck.nonlinear is not None or has_rubber(deck)
     for wrong, words in (
-        (any(line.startswith("overclosure") for line in lines), "with soft contact"),
+        (any("overclosure" in contact for contact in contacts), "with soft contact"),
         (deck.hypothesis == "plane stress", "in plane stress"),
         # CalculiX takes alpha T from grad u there: another material than one that expands and is deformed then.
         (heated and finite, "with temperature at finite strains"),
@@ -213,8 +194,8 @@ def is_nonlinear(deck: Deck, obstacle: str) -> bool:
     return deck.nonlinear is not None or any({"rubber", "plastic"} & properties.keys() for properties in made)
 
 
-def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str] | None:
-    """The lines of a material that is not linear; None: it is linear here.
+def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> dict[str, Any] | None:
+    """The keys of a material that is not linear; None: it is linear here.
 
     Beside rubber one with two constants is that of Saint Venant and Kirchhoff, which knows finite strains.
     """
@@ -223,12 +204,12 @@ def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str]
     if "rubber" in properties:
         if yielding is not None:
             deck.lose(yielding, "a material with *HYPERELASTIC does not yield here")
-        lines, block = properties["rubber"]
-        if lines["law"] == "ogden" and deck.mesh.dim == 3:
+        law, block = properties["rubber"]
+        if law["law"] == "ogden" and deck.mesh.dim == 3:
             obstacle = "in 3D with OGDEN: take MOONEY-RIVLIN"
         if obstacle:
             raise DeckError(block, f"{_NOT_YET_NONLINEAR} {obstacle}")
-        return _written(lines)
+        return dict(law)
     beside_rubber = has_rubber(deck)
     why = obstacle or ("beside rubber" if beside_rubber else "")
     if yielding is not None and why:
@@ -244,13 +225,5 @@ def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> list[str]
             deck.lose(deck.nonlinear, f"NLGEOM: displacements and rotations are taken as small: {why}")
         return None
     if yielding is None or beside_rubber:
-        return _written({"law": "saint-venant-kirchhoff"} | constants)
-    hardening = {"hardening": [list(row) for row in curve[1:]]} if len(curve) > 1 else {}
-    return _written({"law": "j2"} | constants | {"yield_stress": curve[0][1]} | hardening)
-
-
-def _written(constants: dict[str, Any]) -> list[str]:
-    """As lines of a table."""
-    return [
-        f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in constants.items()
-    ]
+        return {"law": "saint-venant-kirchhoff"} | constants
+    return {"law": "j2"} | constants | {"yield_stress": curve[0][1], "hardening": tuple(curve[1:])}

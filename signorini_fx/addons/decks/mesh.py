@@ -180,9 +180,7 @@ class _Reader:
                 self._extend(self.element_sets, block.parameters["ELSET"], _NO_NUMBERS)
             return
         kind, count = _kind(kind_name)
-        at_once = block.numbers(np.int64)
-        single_words = [int(word) for row in block.rows for word in row] if at_once is None else []
-        words = np.array(single_words, dtype=np.int64) if at_once is None else at_once[0]
+        words = np.array([int(word) for row in block.rows for word in row], dtype=np.int64)
         if len(words) % (count + 1):
             raise ValueError(f"*ELEMENT, TYPE={block.parameters['TYPE']}: {count} nodes per element are expected")
         table = words.reshape(-1, count + 1)
@@ -238,11 +236,7 @@ class _Reader:
 
     @cached_property
     def nodes(self) -> tuple[Numbering, Floats]:
-        """All nodes and their positions, shape (n, 2) or (n, 3).
-
-        Raises:
-            DeckError: a number is defined twice.
-        """
+        """All nodes and their positions, shape (n, 2) or (n, 3)."""
         rows = Numbering(np.concatenate([_NO_NUMBERS, *(numbers for _, numbers, _ in self.node_parts)]))
         ends = np.cumsum([len(numbers) for _, numbers, _ in self.node_parts])
         if rows.again.size:
@@ -256,11 +250,7 @@ class _Reader:
 
     @cached_property
     def elements(self) -> _Elements:
-        """All elements of the body, and lines.
-
-        Raises:
-            DeckError: a number is defined twice.
-        """
+        """All elements of the body, and lines."""
         return _Elements([part for part in self.element_parts if len(part[2])])
 
     def result(self, blocks: list[DeckBlock]) -> DeckModel:
@@ -381,10 +371,6 @@ def read_model(file: Path) -> DeckModel:
 
     Element sets name regions (and boundaries, if they hold lines, or in 3D shells and membranes), node sets and
     surfaces name boundaries.
-
-    Raises:
-        MeshError: it is not such a file, or one that it includes cannot be read; elements that are neither plane nor
-            solid.
     """
     with placed(file):
         blocks = assembled(read_keywords(file)[0])
@@ -445,27 +431,23 @@ def _bodies(
     from scipy.sparse.csgraph import connected_components
 
     dim = max((dimension(kind) for kind, _ in blocks), default=0)
-    solid = [number for number, (kind, _) in enumerate(blocks) if dimension(kind) == dim]
-    starts = np.cumsum([0, *(len(blocks[number][1]) for number in solid)])
-    nodes = [blocks[number][1] for number in solid]
-    rows = np.concatenate(
-        [np.repeat(start + np.arange(len(table)), table.shape[1]) for start, table in zip(starts, nodes, strict=False)]
-    )
-    columns = starts[-1] + np.concatenate([table.ravel() for table in nodes])
-    count = int(columns.max()) + 1
-    graph = coo_array((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(count, count))
-    labels = connected_components(graph, directed=False)[1][: starts[-1]]
-    _, first = np.unique(labels, return_index=True)
-    if len(first) < 2:
+    solid = {number: table for number, (kind, table) in enumerate(blocks) if dimension(kind) == dim}
+    first = np.concatenate([np.repeat(table[:, 0], table.shape[1]) for table in solid.values()])
+    nodes = np.concatenate([table.ravel() for table in solid.values()])
+    count = int(nodes.max()) + 1
+    graph = coo_array((np.ones(len(nodes), dtype=bool), (first, nodes)), shape=(count, count))
+    of_node = connected_components(graph, directed=False)[1]
+    labels = plain(_distinct([of_node[first]]))
+    if len(labels) < 2:
         return {}
     alike = {_key(listed): name for name, listed in reversed(sets.items())}
-    groups_found: dict[str, list[Ints]] = {}
-    for label in labels[np.sort(first)]:
-        listed: list[Ints] = [np.empty(0, dtype=np.int64)] * len(blocks)
-        for number, start, table in zip(solid, starts, nodes, strict=False):
-            listed[number] = np.flatnonzero(labels[start : start + len(table)] == label).astype(np.int64)
-        groups_found[alike.get(_key(listed)) or next(free)] = listed
-    return groups_found
+    bodies: dict[str, list[Ints]] = {}
+    for label in labels:
+        listed: list[Ints] = [_NO_NUMBERS] * len(blocks)
+        for number, table in solid.items():
+            listed[number] = np.flatnonzero(of_node[table[:, 0]] == label).astype(np.int64)
+        bodies[alike.get(_key(listed)) or next(free)] = listed
+    return bodies
 
 
 def _key(rows: Sequence[Ints]) -> tuple[bytes, ...]:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import codecs
-import io
 import itertools
 import json
 import math
 import os
 import re
-import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -29,7 +27,6 @@ _LEAST_WORDS = {
 }
 _MOST_ROWS = {"STATIC": 1, "SURFACEINTERACTION": 1, "ENDSTEP": 0, "MATERIAL": 0}
 _DEEPEST = 20  # files that include each other
-_LARGEST = 2.0**53  # whole numbers from there on are not exact as floating point numbers
 _STAR = re.compile(r"^[ \t]*\*", re.MULTILINE)
 # A line that continues its keyword: it begins with a parameter that has a value, or with one that is no set.
 _PARAMETER = re.compile(
@@ -77,26 +74,10 @@ class DeckBlock:
         """Its place and its name."""
         return f"{self.place}, *{self.name}"
 
-    def numbers(self, kind: type[np.float64 | np.int64]) -> tuple[Any, int] | None:
-        """All numbers of the data lines at once, and how many each line has, 0 if lines differ; None: a word is empty,
-        too large or no number.
-        """
-        if "rows" in self.__dict__:  # they have been changed
-            return None
-        text = re.sub(r",[, \t]*\n", "\n", "\n".join(self.texts).rstrip(", \t\n"))
-        lengths = [line.count(",") + 1 for line in text.split("\n")]
-        alike = len(set(lengths)) == 1
-        table = io.StringIO(text if alike else text.replace(",", "\n"))
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # numpy warns of an integer with a point, and of no numbers
-            try:
-                values: Any = np.loadtxt(table, dtype=kind, delimiter=",", comments=None, ndmin=2).ravel()
-            except (ValueError, Warning):
-                return None
-        largest = _LARGEST if kind is np.int64 else math.inf
-        if len(values) != sum(lengths) or not (np.abs(values) < largest).all():  # an empty word is no number
-            return None
-        return values, lengths[0] if alike else 0
+
+def origins_of(blocks: Iterable[DeckBlock]) -> str:
+    """Those of several keywords, each once."""
+    return " and ".join(dict.fromkeys(block.origin for block in blocks))
 
 
 class DeckError(ValueError):
@@ -131,11 +112,7 @@ def split_words(line: str) -> list[str]:
 
 
 def read_keywords(file: Path) -> tuple[list[DeckBlock], list[Path]]:
-    """All keywords of an input file and of the files that it includes, and these files.
-
-    Raises:
-        MeshError: a file cannot be read, or an included one is outside of the folder of the input file.
-    """
+    """All keywords of an input file and of the files in its folder that it includes, and these files."""
     blocks: list[DeckBlock] = []
     files: list[Path] = []
     _read(file, file, "", blocks, files, 0)
@@ -199,11 +176,7 @@ def _beside(deck: Path, name: str, depth: int) -> Path:
 
 
 def check_rows(block: DeckBlock) -> None:
-    """Check the number of data lines, and of words in lines that name nodes, elements, sets or surfaces.
-
-    Raises:
-        ValueError: a line is empty or too short, or there are too many.
-    """
+    """Check the number of data lines, and of words in lines that name nodes, elements, sets or surfaces."""
     least = _LEAST_WORDS.get(block.keyword, 0)
     if block.keyword not in _MOST_ROWS and not least:
         return
@@ -218,11 +191,7 @@ def check_rows(block: DeckBlock) -> None:
 
 
 def real(word: str) -> float:
-    """A number of a data line, perhaps as Fortran writes it; an empty word is zero, as in both programs.
-
-    Raises:
-        ValueError: it is no number, or not finite.
-    """
+    """A finite number, perhaps as Fortran writes it; an empty word is zero, as in both programs."""
     if not word:
         return 0.0
     try:
@@ -243,12 +212,7 @@ def real_or_none(word: str) -> float | None:
 
 
 def parameter(block: DeckBlock, key: str) -> float:
-    """The number that a parameter of a keyword has.
-
-    Raises:
-        KeyError: there is no such parameter.
-        ValueError: it is no number, or not finite.
-    """
+    """The number that a parameter of a keyword has."""
     if not (word := block.parameters[key]):
         raise ValueError(f"{key} has no value")
     return real(word)
@@ -260,15 +224,7 @@ def number_of(word: str) -> int | None:
 
 
 def components(words: Sequence[str]) -> dict[int, float]:
-    """The components that a row of *BOUNDARY prescribes: 1 to 3 are displacements, 4 to 6 rotations.
-
-    Args:
-        words: the row without its node or set.
-
-    Raises:
-        ValueError: a number is none.
-        IndexError: nothing is prescribed.
-    """
+    """What a row of *BOUNDARY after its node or set prescribes: 1 to 3 are displacements, 4 to 6 rotations."""
     if (held := _LABELS.get(words[0].upper())) is not None:
         return {int(component): 0.0 for component in held}
     first, last, value = (*words, "", "")[:3]
@@ -276,25 +232,36 @@ def components(words: Sequence[str]) -> dict[int, float]:
 
 
 def coordinates(block: DeckBlock) -> tuple[Ints, Floats]:
-    """The numbers of the nodes of *NODE and their coordinates; those that a line lacks are zero.
-
-    Raises:
-        ValueError: a word is no number.
-    """
-    if (number_table := block.numbers(np.float64)) is not None and number_table[1]:
-        table = number_table[0].reshape(-1, number_table[1])
-        if np.all(table[:, 0] % 1 == 0) and np.abs(table[:, 0]).max() < _LARGEST:
-            return table[:, 0].astype(np.int64), table[:, 1:4].copy()
+    """The numbers of the nodes of *NODE and their coordinates; those that a line lacks are zero."""
     check_rows(block)
-    rows = block.rows
-    width = max((len(row) for row in rows), default=1) - 1
-    numbers, x = np.zeros(len(rows), dtype=np.int64), np.zeros((len(rows), min(width, 3)))
-    for k, (number, *words) in enumerate(rows):
-        numbers[k] = int(number)
-        x[k, : len(words[:3])] = [real(word) for word in words[:3]]
-    return numbers, x
+    width = min(max(map(len, block.rows), default=1) - 1, 3)
+    numbers = np.array([int(row[0]) for row in block.rows], dtype=np.int64)
+    words = [(*row[1:4], "", "", "")[:width] for row in block.rows]
+    return numbers, np.array([list(map(real, row)) for row in words], dtype=np.float64).reshape(len(words), width)
 
 
-def quoted(text: str) -> str:
-    """A text as a scene has it."""
-    return json.dumps(text, ensure_ascii=False)
+def lines_of(table: Mapping[str, Any]) -> list[str]:
+    """The lines of a table of a scene, without keys of no value; that of the key "#" is a comment."""
+    given = {key: value for key, value in table.items() if value not in (None, "", ())}
+    return [f"# {value}" if key == "#" else f"{key} = {written(value)}" for key, value in given.items()]
+
+
+def written(value: Any) -> str:
+    """A value as a scene has it."""
+    match value:
+        case str():
+            return json.dumps(value, ensure_ascii=False)
+        case bool():
+            return "true" if value else "false"
+        case list() | tuple():
+            return f"[{', '.join(map(written, value))}]"
+        case dict():
+            return f"{{ {', '.join(lines_of(value))} }}"
+    return repr(value)
+
+
+def factors_of(values: Sequence[float]) -> tuple[float, tuple[float, ...]]:
+    """The largest of the values of some steps, and of each its share of it; none where all have the same."""
+    largest = max(values, key=abs)
+    shares = tuple(value / largest for value in values) if largest else ()
+    return largest, shares if set(shares) != {1.0} else ()
