@@ -9,6 +9,7 @@ from types import GenericAlias
 from typing import Any, get_origin
 
 from pydantic import BaseModel, create_model
+from pydantic.json_schema import GenerateJsonSchema
 
 from signorini_fx.extensions import EFFECTS, load_class, names_of
 from signorini_fx.mechanics.effects.material import every_entry
@@ -33,11 +34,27 @@ def described() -> type[BaseModel]:
     return create_model("Scene", __base__=Scene, __doc__=Scene.__doc__, **typed)
 
 
+class _ForEditors(GenerateJsonSchema):
+    """In draft 7, which editors support best, and without null, which TOML does not have."""
+
+    def nullable_schema(self, schema: Any) -> Any:
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: Any) -> Any:
+        described = super().default_schema(schema)
+        if not isinstance(described["default"], str | int | float):
+            del described["default"]
+        return described
+
+    def tuple_schema(self, schema: Any) -> Any:
+        described = super().tuple_schema(schema)
+        return described | {"items": described.pop("prefixItems", [described.get("items")])[0]}
+
+
 def scene_schema() -> dict[str, Any]:
-    """The JSON schema (draft 7, which editors support best) of scene files, with the docstrings as descriptions."""
+    """The JSON schema of scene files, with the docstrings as descriptions."""
     model = described()
-    schema: dict[str, Any] = model.model_json_schema()
-    _simplify(schema)
+    schema: dict[str, Any] = model.model_json_schema(schema_generator=_ForEditors)
     by_name = {table.__name__: table for table in tables(model)}
     for name, definition in schema["$defs"].items():
         _describe(definition, by_name[name])
@@ -75,32 +92,6 @@ def summary_schema() -> dict[str, Any]:
         "title": "summary.json of signorini_fx",
         **schema,
     }
-
-
-def _simplify(node: Any) -> None:
-    """Translate pydantic's schema from 2020-12 to draft 7, and remove null, which TOML does not have."""
-    if isinstance(node, list):
-        for item in node:
-            _simplify(item)
-    if not isinstance(node, dict):
-        return
-    for value in node.values():
-        _simplify(value)
-    node.pop("discriminator", None)
-    if "prefixItems" in node:
-        node["items"] = node.pop("prefixItems")[0]
-    choices = [choice for choice in node.get("anyOf", []) if choice != {"type": "null"}]
-    if "anyOf" in node:
-        node["anyOf"] = choices
-    if len(choices) == 1:
-        del node["anyOf"]
-        node.update(choices[0])
-    if "default" in node and (node["default"] is None or node["default"] == [None, None]):
-        del node["default"]
-    if "$ref" in node:  # draft 7 ignores everything next to it
-        reference = node["$ref"]
-        node.clear()
-        node["$ref"] = reference
 
 
 def _describe(definition: dict[str, Any], model: type[BaseModel]) -> None:

@@ -404,7 +404,7 @@ def fits(schema, value, root):
     """Whether a value fits a JSON schema: the part of draft 7 that ours uses, and nothing else."""
     known = {"$ref", "$schema", "$defs", "title", "description", "default", "format", "type", "properties", "required"}
     known |= {"additionalProperties", "items", "minItems", "maxItems", "enum", "const", "anyOf", "oneOf"}
-    known |= {"minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"}
+    known |= {"discriminator", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"}
     assert set(schema) <= known, set(schema) - known
     if "$ref" in schema:
         assert set(schema) == {"$ref"}
