@@ -1,9 +1,7 @@
 """What acts in a scene, its cost and its mistakes, before the scene is solved.
 
-Nothing is solved and no stiffness is assembled.  The forms of the loads and of the contact boundaries are compiled and
-assembled as the solver does, so that every error that the solver would find in the scene or its mesh is found here.
-
-``findings`` determines what may go wrong.
+No stiffness is assembled.  Loads and contact boundaries are assembled as the solver does, so that every error that it
+would find in the scene or its mesh is found here.
 """
 
 from __future__ import annotations
@@ -150,15 +148,7 @@ class Check:
 def check_scene(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, *, uniqueness: bool = False) -> Check:
     """Validate a scene together with its mesh, and report what acts; collective, the same on every rank.
 
-    Args:
-        scene: the scene.
-        comm: who takes part.
-        uniqueness: whether to say below which friction coefficient there is one solution, which takes a factorisation.
-
-    Raises:
-        SceneError: the scene does not fit its mesh.
-        MeshError: the mesh cannot be read or generated.
-        OptionsError: PETSc does not accept an option that the user has set.
+    With ``uniqueness`` also below which friction coefficient there is one solution, which takes a factorisation.
     """
     petsc_options.refuse_exchanged()
     if scene.statement.nonlinear:

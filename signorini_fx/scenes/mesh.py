@@ -1,6 +1,4 @@
-"""The mesh of a scene: that of one table ``mesh``, or those of all bodies in one; and the scene on larger or smaller
-cells, those of all bodies alike.
-"""
+"""The mesh of a scene, of all bodies in one, and the scene on larger or smaller cells."""
 
 from __future__ import annotations
 
@@ -24,12 +22,7 @@ from signorini_fx.scenes.scene import Scene
 
 
 def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
-    """The mesh that a scene names, or that its bodies make together.
-
-    Raises:
-        SceneError: unknown generator, or wrong parameters.
-        MeshError: the file is not a mesh; the mesh is a shell, or in another plane than that of x[0] and x[1].
-    """
+    """The mesh that a scene names, or that its bodies make together; collective."""
     if scene.body:
         made = (mesh.drawn if isinstance(mesh, MeshFile) else getattr(mesh, "origin", True) for mesh in scene.meshes)
         if (sizes := contact_sizes(scene)) and not any(made):
@@ -41,9 +34,8 @@ def load_mesh(scene: Scene, comm: MPI.Comm) -> TaggedMesh:
 
 
 def with_cells_alike(scene: Scene) -> Scene:
-    """The scene with one kind of cell for all generators of several bodies, where it leaves that open.
-
-    It is that which the scene gives one of them, otherwise the first of their own ones that all can make.
+    """The scene with one kind of cell for all generators of several bodies: that which it gives one of them, otherwise
+    the first of their own ones that all can make.
     """
     able, meshes = dict[int, tuple[str, ...]](), scene.meshes
     for number, mesh in enumerate(meshes):
@@ -96,12 +88,7 @@ def scene_on(scene: Scene, factor: float) -> Scene:
 def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
     """The scene with the sides of all cells of all of its bodies halved that many times; collective.
 
-    Generators and drawings make new cells on the true shape, cells of other files are divided on their own geometry,
-    and those of a mesh from the caller as ``refine`` does it.
-
-    Raises:
-        SceneError: a generator cannot make such a mesh.
-        MeshError: a mesh cannot be divided; the message names the body.
+    Generators and drawings make new cells on the true shape, cells of other files are divided on their own geometry.
     """
     halved = []
     for number, mesh in enumerate(scene.meshes):
@@ -125,10 +112,7 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
 
 
 def coarser_scenes(scene: Scene, levels: int) -> list[Scene]:
-    """The scene on ``levels - 1`` coarser meshes, each with elements twice as large as the next, coarsest first.
-
-    There are fewer if a mesh has so few cells that the coarser one would be the same.
-    """
+    """The scene on at most ``levels - 1`` coarser meshes, each with elements twice as large as the next."""
     if levels == 1:
         return []
     scenes = [scene_on(scene, 2**k) for k in range(levels - 1, -1, -1)]

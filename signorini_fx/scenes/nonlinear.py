@@ -1,8 +1,6 @@
 """A scene with nonlinear materials: its residual, its load steps and its solution.
 
-Whether a scene is one is decided by ``Statement.nonlinear``, once in ``solver`` and once in ``checks``.  What it shares
-with linear ones, supports, loads, contact, their checks and their load factors, is assembled as for the linear body
-that it is at small strains.
+Supports, loads and contact are assembled as for the linear body that it is at small strains.
 """
 
 from __future__ import annotations
@@ -54,12 +52,7 @@ _LEFT_OUT = {"initial_contact": "auto", "error_bound": False}
 
 
 def problem_of(scene: Scene, comm: mpi4py.MPI.Comm, history: History) -> ProblemOfScene:
-    """The problem of a scene on its mesh; collective.
-
-    Raises:
-        SceneError: the scene is wrong, or does not fit its mesh.
-        MeshError: the mesh cannot be read or generated.
-    """
+    """The problem of a scene on its mesh; collective."""
     timings = Timings()
     model = linear_body(scene, comm, timings)
     with timings.phase("compile"):
@@ -141,10 +134,6 @@ class ProblemOfScene(NonlinearContactProblem):
     ) -> Solution:
         """The solution of all load steps, or of those before one that has none: of the first one the body as it was
         before; collective.
-
-        Raises:
-            ConvergenceError: the first one has none, and its body cannot be evaluated.
-            SceneError: a value cannot be evaluated.
         """
         failures = list[Finding]()
         try:
@@ -218,9 +207,7 @@ class ProblemOfScene(NonlinearContactProblem):
         self.linear.foundations.settle()
 
     def forces_anew(self, statement: Statement, displacement: fem.Function) -> Array:
-        """Minus the residual of the body in another scene, without materials that have a state, on the mesh at the
-        place of now, forces of shape (owned dofs,); collective.
-        """
+        """Minus the residual of the body in another scene, without states, at this place, forces (owned dofs,)."""
         anew = NonlinearForces(statement, self.model.tagged, self.model.space)
         return -anew.residual(displacement, self.path_step)
 

@@ -42,13 +42,7 @@ _SIMPLEX = {"quadrilateral": ("quadrilaterals", "triangle"), "hexahedron": ("hex
 
 
 def planned(scene: Scene, goal: Accuracy, comm: MPI.Comm) -> Plan:
-    """How to refine the mesh of a scene.
-
-    Raises:
-        SceneError: cells on arcs are to be divided, and would converge to the solution on a polygon; or the quantity
-            has no estimate on the meshes that are asked for.
-        MeshError: the mesh cannot be refined.
-    """
+    """How to refine the mesh of a scene; cells on arcs are not divided: they would converge to that on a polygon."""
     requested = goal
     if goal.refinement == "adaptive" and (plan := _remade(scene, comm)) is not None:
         return plan

@@ -23,15 +23,12 @@ _PATH_PART = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 
 
 def parse_scene(data: Mapping[str, Any], source: str = "scene", folder: Path | None = None) -> Scene:
-    """A validated scene from plain data.
+    """A validated scene from nested mappings, as ``tomllib`` gives them; a ``SceneError`` has all errors at once.
 
     Args:
-        data: the scene as nested mappings, as ``tomllib`` gives them.
+        data: the scene.
         source: name of the scene in messages.
         folder: the folder that paths of files in the scene are relative to.
-
-    Raises:
-        SceneError: with all errors at once.
     """
     try:
         scene = Scene.model_validate(dict(data))
@@ -70,15 +67,9 @@ def read_scene_text(path: Path) -> str:
 
 
 def parse_scene_text(text: str, path: Path, changes: Changes = MappingProxyType({})) -> Scene:
-    """A validated scene from the text of the TOML file at ``path``.
+    """A validated scene from the text of the TOML file at ``path``, in which ``changes`` replace entries.
 
-    Args:
-        text: the scene.
-        path: its file; paths of mesh files are relative to the folder of this file.
-        changes: entries that replace those of the text, by their paths.
-
-    Raises:
-        SceneError: a syntax error with line and column, or all errors of the content at once.
+    Paths of mesh files are relative to the folder of this file.
     """
     try:
         data = tomllib.loads(text)
@@ -98,10 +89,11 @@ def _unquoted(text: str, message: str) -> str:
 
 
 def read_scene(path: str | Path) -> Scene:
-    """A validated scene from a TOML file (see ``parse_scene_text`` for the errors).
+    """A validated scene from a TOML file.
 
     Raises:
         TypeError: the argument is not a path.
+        SceneError: a syntax error with line and column, or all errors of the content at once.
     """
     if not isinstance(path, str | Path):
         raise TypeError(f"the path of a scene file is expected, not {kind_of(path)}")
@@ -110,12 +102,7 @@ def read_scene(path: str | Path) -> Scene:
 
 
 def as_scene(scene: object) -> Scene:
-    """A scene from a ``Scene``, the path of its file, or nested mappings.
-
-    Raises:
-        SceneError: it is wrong.
-        TypeError: it is none of these.
-    """
+    """A scene from a ``Scene``, the path of its file, or nested mappings."""
     match scene:
         case Scene():
             return scene
@@ -130,11 +117,7 @@ def as_scene(scene: object) -> Scene:
 
 
 def parsed_change(text: str) -> tuple[str, Any]:
-    """``PATH=VALUE``: the path, and the value as TOML has it; what is no TOML is a text, which needs no quotes here.
-
-    Raises:
-        ValueError: it has another form.
-    """
+    """``PATH=VALUE``: the path, and the value as TOML has it; what is no TOML is a text, which needs no quotes here."""
     path, equals, value_text = text.partition("=")
     path = path.strip()
     if not equals or not PATH.fullmatch(path):
@@ -153,9 +136,6 @@ def way_of(path: str) -> list[str | int]:
 def changed(data: Any, changes: Changes) -> Any:
     """A scene as plain data, or a ``Scene``, of which plain data are made on the way, with other entries; tables on the
     way that it does not have are made.
-
-    Raises:
-        SceneError: a path leads through an entry that is no table, or to a place that a list does not have.
     """
     for path, value in changes.items():
         data = _with(data, way_of(path), value, "")

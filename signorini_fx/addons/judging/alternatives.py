@@ -34,10 +34,7 @@ class Alternative:
 def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tuple[str, float] | None:
     """In words the alternative whose solution is nearest to a displacement, and its distance; None: there is none.
 
-    Args:
-        on_mesh: our solution of the problem.
-        v: the displacement, length, shape (n, d).
-        enough: a distance at which no nearer value is sought, in the energy norm.
+    From the distance ``enough`` on no nearer value is sought, in the energy norm.
     """
     size = float(np.abs(on_mesh.displacement).max())
     tried = (_values(on_mesh, v, one, enough) for one in _alternatives(on_mesh.problem.scene, size))

@@ -46,16 +46,7 @@ class ForeignResult:
 
 
 def read_result(result: object, problem: JudgedProblem) -> ForeignResult:
-    """A result at the nodes of a problem.
-
-    Args:
-        result: the path of a .dat, .frd, .csv or .vtu file; or an array of shape (n, d), in the order of the nodes of
-            the deck or of the mesh file.
-        problem: the problem.
-
-    Raises:
-        MeshError: the file cannot be read, or the array has another shape.
-    """
+    """A result, as ``judge`` takes it, at the nodes of a problem."""
     if isinstance(result, str | Path):
         return _read(Path(result), problem)
     nodes, dim = problem.points.shape

@@ -66,15 +66,7 @@ class JudgedProblem:
 
 
 def judged_problem(problem: object) -> JudgedProblem:
-    """The problem of an input file or of a scene.
-
-    Args:
-        problem: the path of an input file (.inp) of Abaqus or CalculiX or of a scene; a ``Scene``, or its mapping.
-
-    Raises:
-        MeshError: the file is no such input file.
-        SceneError: the scene is wrong, or what was drafted from the input file.
-    """
+    """The problem of an input file or of a scene, as ``judge`` takes it."""
     if isinstance(problem, str | Path) and Path(problem).suffix.lower() == ".inp":
         return _of_deck(Path(problem))
     scene = as_scene(problem)

@@ -44,11 +44,7 @@ class SolutionOnMesh:
 
     @classmethod
     def of(cls, problem: JudgedProblem, arrays: MeshArrays) -> SolutionOnMesh:
-        """That on a mesh in arrays.
-
-        Raises:
-            NotJudgedError: there is none.
-        """
+        """That on a mesh in arrays."""
         mesh = from_arrays(MPI.COMM_SELF, lambda: arrays)
         solution = _solved(problem, mesh)
         space = solution.displacement.function_space
@@ -63,12 +59,7 @@ class SolutionOnMesh:
         return halved(replace(self.arrays, points=u)).points
 
     def with_entries(self, entries: Mapping[str, Any]) -> Floats:
-        """The displacement that solves the problem with other entries of its scene.
-
-        Raises:
-            NotJudgedError: there is none.
-            SceneError: the scene contradicts itself.
-        """
+        """The displacement that solves the problem with other entries of its scene."""
         return self._at_nodes(_solved(self.problem, self.mesh, **entries).displacement)
 
     @cached_property
@@ -157,11 +148,8 @@ class SolutionOnMesh:
         return tractions, np.where(self.held, 0.0, left.reshape(v.shape))
 
     def unbalanced(self, left: Floats) -> tuple[float, int, bool]:
-        """How far a displacement is from equilibrium in the energy norm where nothing touches, the worst node, and
-        whether this has most of it.
-
-        Args:
-            left: the forces at nodes that are not balanced, shape (n, d).
+        """How far a displacement that leaves forces at nodes unbalanced, shape (n, d), is from equilibrium in the
+        energy norm where nothing touches, the worst node, and whether this has most of it.
         """
         inside = ~self.held.ravel()
         inside[self.points_of_contact.nonzero()[1]] = False
