@@ -22,13 +22,9 @@ _ALONG = 1 - DIGITS_OF_FILES
 def read_bolt(deck: Deck, block: DeckBlock) -> None:
     """The section of a reference node."""
     node, name = deck.single(block.parameters["NODE"]), block.parameters.get("SURFACE", "")
-    surface = deck.surface(name)
-    if not name:
-        deck.lose(block, "the preload of a beam or truss, which is no part of the body")
-    elif surface is None:
-        deck.lose(block, f"the preload: {name!r} is no surface of faces")
-    elif node is None:
-        deck.lose(block, "the preload: NODE is not a single node")
+    surface = deck.label("surface", name)
+    if node is None or surface is None:
+        deck.lose(block, "the preload: a surface of faces and a single node are expected")
     elif (normal := _normal(deck, surface)) is None:
         deck.lose(block, f"the preload: the surface {name!r} is not in one plane")
     else:

@@ -90,7 +90,7 @@ def read_pairs(deck: Deck, block: DeckBlock) -> None:
     named = {b.parameters.get("NAME", "").upper() for b in deck.model.blocks if b.keyword == "SURFACEINTERACTION"}
     if interaction and interaction not in named:
         raise ValueError(f"there is no *SURFACE INTERACTION, NAME={interaction}")
-    if adjust is not None and (not adjust or real_or_none(adjust) is None) and not deck.has_nodes(adjust):
+    if adjust is not None and (not adjust or real_or_none(adjust) is None) and deck.label("nodes", adjust) is None:
         raise ValueError(f"ADJUST={adjust}: a length or the name of a set of nodes is expected")
     deck.pairs += [SurfacePair(row[0], (*row, row[0])[1], interaction, block, adjust) for row in block.rows]
 

@@ -156,31 +156,18 @@ class Deck:
         }
         return {kind: {label.upper(): label for label in reversed(list(names))} for kind, names in kinds.items()}
 
-    def _label(self, kind: str, name: str) -> str | None:
-        """A name of the file, whatever its case and its instance."""
+    def label(self, kind: str, name: str) -> str | None:
+        """The name of a boundary, surface, region or set of nodes of the file, whatever its case and its instance."""
         labels = self._labels[kind]
         return labels.get(name.upper(), labels.get(plain_name(name)))
 
     def boundary(self, name: str) -> str | None:
         """The boundary of the mesh that a set or surface of the file is."""
-        return self._label("boundary", name)
-
-    def surface(self, name: str) -> str | None:
-        """The surface of faces of the file with a name, also one inside the body."""
-        return self._label("surface", name)
-
-    def region(self, name: str) -> str | None:
-        """The same for a part of the body."""
-        return self._label("region", name)
-
-    def has_nodes(self, name: str) -> bool:
-        """Whether the file defines a set of nodes with a name."""
-        return self._label("nodes", name) is not None
+        return self.label("boundary", name)
 
     def check_nodes(self, name: str) -> None:
         """Refuse names of sets that the file does not define; CalculiX takes numbers that it has not, too."""
-        is_set = self.has_nodes(name) or self.boundary(name) is not None or self.surface(name) is not None
-        if number_of(name) is None and not is_set:
+        if number_of(name) is None and not any(self.label(kind, name) for kind in ("nodes", "boundary", "surface")):
             raise ValueError(f"set {name!r} does not exist")
 
     # --- nodes --------------------------------------------------------------------------------------------------------
@@ -215,14 +202,13 @@ class Deck:
 
     @cached_property
     def _body_of(self) -> dict[int, str]:
-        """The name of the body of each node of the mesh, if there are several."""
-        cells = {name: self.mesh.cells[self.mesh.regions[name]] for name in self.model.bodies}
-        return {node: name for name, nodes in cells.items() for node in plain(np.unique(nodes))}
+        """The name of the body of each node; empty, if it is the only one."""
+        return {node: name for name, nodes in self.bodies.items() for node in plain(nodes)}
 
     def at_point(self, row: int) -> Place:
         """The place of a node by its row in the file: another body may have a node at the same place."""
         node = int(np.searchsorted(self.numbers, row))
-        return (("at", tuple(plain(self.mesh.points[node]))), ("region", self._body_of.get(node, "")))
+        return (("at", tuple(plain(self.mesh.points[node]))), ("region", self._body_of[node]))
 
     def rows(self, nodes: Iterable[int]) -> Ints:
         """Rows of the file of those of some nodes that the body has, in their order."""
@@ -231,7 +217,7 @@ class Deck:
 
     def nodes(self, name: str) -> Ints:
         """Rows of the file of the nodes of a set that the body has."""
-        label = self._label("nodes", name)
+        label = self.label("nodes", name)
         return np.empty(0, np.int64) if label is None else np.intersect1d(self.model.raw.node_sets[label], self.numbers)
 
     def held(self, boundary: str) -> Ints:
@@ -243,7 +229,7 @@ class Deck:
         """The number of a node, or of the only one of a set, also if the body has it not; None: it is none."""
         if (number := number_of(name)) is not None:
             return number
-        label = self._label("nodes", name)
+        label = self.label("nodes", name)
         rows = np.empty(0, np.int64) if label is None else self.model.raw.node_sets[label]
         return int(self.model.places.numbers[rows[0]]) if len(rows) == 1 else None
 

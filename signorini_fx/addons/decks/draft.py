@@ -151,16 +151,15 @@ def read_deck(file: Path) -> Deck:
                 _DEFINITIONS[block.keyword](deck, block)
     for block in _used_keywords(file, deck):
         with placed(file, block):
-            _reader(block.keyword)(deck, block)
+            if deck.steps and block.keyword in _BEFORE_STEPS:
+                deck.lose(block, keywords.CHANGED_WITHIN)
+            elif block.keyword in _READERS:
+                _READERS[block.keyword](deck, block)
+            elif block.keyword in keywords.NOTED:
+                deck.note(block, keywords.NOTED[block.keyword])
+            elif block.keyword not in _READ_ELSEWHERE:
+                deck.lose(block, keywords.LOST.get(block.keyword, keywords.UNKNOWN))
     return deck
-
-
-def _reader(keyword: str) -> Reader:
-    if keyword in _READERS:
-        return _READERS[keyword]
-    if keyword in keywords.NOTED:
-        return lambda deck, block: deck.note(block, keywords.NOTED[keyword])
-    return lambda deck, block: deck.lose(block, keywords.LOST.get(keyword, keywords.UNKNOWN))
 
 
 def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
@@ -200,22 +199,6 @@ def _used_keywords(file: Path, deck: Deck) -> Iterator[DeckBlock]:
 
 
 # --- keywords ---------------------------------------------------------------------------------------------------------
-
-
-def _read_nothing(deck: Deck, block: DeckBlock) -> None:
-    """It has been read, or a scene does not need it."""
-
-
-def _within_steps(read: Reader) -> Reader:
-    """The reader of what a scene cannot change from step to step."""
-
-    def reader(deck: Deck, block: DeckBlock) -> None:
-        if deck.steps:
-            deck.lose(block, keywords.CHANGED_WITHIN)
-        else:
-            read(deck, block)
-
-    return reader
 
 
 def _read_surface(deck: Deck, block: DeckBlock) -> None:
@@ -264,27 +247,25 @@ def _read_amplitude(deck: Deck, block: DeckBlock) -> None:
     deck.amplitudes[block.parameters["NAME"].upper()] = block
 
 
-# Keywords that may be anywhere in the file.
-_DEFINITIONS: dict[str, Reader] = {
-    "AMPLITUDE": _read_amplitude,
-    "PRE-TENSIONSECTION": read_bolt,
-}
+# Keywords that may be anywhere in the file, that have been read by then or a scene does not need, and that a scene
+# cannot change from step to step.
+_DEFINITIONS: dict[str, Reader] = {"AMPLITUDE": _read_amplitude, "PRE-TENSIONSECTION": read_bolt}
+_READ_ELSEWHERE = {"NODE", "NSET", "ELSET", *_DEFINITIONS, "ENDSTEP", "SYSTEM", *keywords.OUTPUT}
+_BEFORE_STEPS = {"DENSITY", "ELASTIC", "EXPANSION", "HYPERELASTIC", "PLASTIC", "FRICTION", "SURFACEBEHAVIOR"}
 _READERS: dict[str, Reader] = {
-    **dict.fromkeys(("NODE", "NSET", "ELSET", *_DEFINITIONS, "ENDSTEP", "SYSTEM"), _read_nothing),
-    **dict.fromkeys(keywords.OUTPUT, _read_nothing),
     "HEADING": _read_heading,
     "ELEMENT": _read_element,
     "SURFACE": _read_surface,
     **dict.fromkeys(("SOLIDSECTION", "SHELLSECTION", "MEMBRANESECTION"), material.read_section),
     "MATERIAL": material.read_material,
-    "DENSITY": _within_steps(material.read_density),
-    "ELASTIC": _within_steps(material.read_elastic),
-    "EXPANSION": _within_steps(material.read_expansion),
-    "HYPERELASTIC": _within_steps(material.read_rubber),
-    "PLASTIC": _within_steps(material.read_hardening),
+    "DENSITY": material.read_density,
+    "ELASTIC": material.read_elastic,
+    "EXPANSION": material.read_expansion,
+    "HYPERELASTIC": material.read_rubber,
+    "PLASTIC": material.read_hardening,
     "SURFACEINTERACTION": read_interaction,
-    "FRICTION": _within_steps(read_friction),
-    "SURFACEBEHAVIOR": _within_steps(read_behaviour),
+    "FRICTION": read_friction,
+    "SURFACEBEHAVIOR": read_behaviour,
     "CONTACTPAIR": read_pairs,
     "TIE": read_ties,
     "STEP": _read_step,

@@ -30,6 +30,7 @@ from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
 _AXES = {1: "x", 2: "y", 3: "z"}
 _NODES_DIFFER = "temperatures that differ within a body are not read"
 _LOADS = ("CLOAD", "DLOAD", "DSLOAD")
+_NOWHERE = np.empty(0, dtype=np.int64)
 _BODY_FORCE = re.compile(r"GRAV|CENTRIF|B[XYZ]|P\d", re.IGNORECASE)
 
 
@@ -112,18 +113,22 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             deck.lose(block, f"pressure on faces that are no boundary of the body: {len(group.values)}")
         else:
             _press(deck, block, where, factor * group.values[0])
-    whole, done = _on_the_whole_body(deck, block), set[tuple[str, ...]]()
+    parts: dict[tuple[str, ...], list[Ints]] = {}  # load without its set -> cells that it acts on
     for row in block.rows:
-        if (at := _kind_at(row)) is None:
+        at = next((k for k, word in enumerate(row) if _BODY_FORCE.fullmatch(word)), None)
+        if at is None:
             deck.lose(block, f"load {', '.join(row)}")
+        else:
+            region = deck.label("region", row[0])
+            cells = _NOWHERE if region is None else deck.mesh.regions[region]
+            whole = at == 0 or not any(row[:at])
+            parts.setdefault(tuple(row[at:]), []).append(np.arange(len(deck.mesh.cells)) if whole else cells)
+    for (kind_name, *numbers), loaded in parts.items():
+        kind, words = kind_name.upper(), [real(word) for word in numbers]
+        if kind.startswith("P"):
             continue
-        kind, words = row[at].upper(), [real(word) for word in row[at + 1 :]]
-        everywhere = at == 0 or not any(row[:at]) or tuple(row[at:]) in whole
-        if kind.startswith("P") or (at and everywhere and tuple(row[at:]) in done):
-            continue
-        done.add(tuple(row[at:]))
-        if not everywhere:
-            deck.lose(block, f"{kind} on {row[0]!r}, a part of the body")
+        if len(np.unique(np.concatenate(loaded))) < len(deck.mesh.cells):
+            deck.lose(block, f"{kind} on a part of the body")
         elif kind.startswith("B"):
             _set_load(deck, DeckLoad("body_force", "", (kind[1].lower(),), block), factor * words[0])
         elif not deck.materials or any("density" not in properties for properties in deck.materials.values()):
@@ -138,20 +143,6 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             _set_load(deck, DeckLoad("rotation", "", ("speed",), block, place=place), factor * words[0])
 
 
-def _kind_at(row: list[str]) -> int | None:
-    """The place of the kind of the load in a row of *DLOAD; None: it is not known."""
-    return next((k for k, word in enumerate(row) if _BODY_FORCE.fullmatch(word)), None)
-
-
-def _on_the_whole_body(deck: Deck, block: DeckBlock) -> set[tuple[str, ...]]:
-    """Loads, without their sets, whose sets are the whole body together."""
-    parts: dict[tuple[str, ...], list[Ints]] = {}
-    for row in block.rows:
-        if (at := _kind_at(row)) and (region := deck.region(row[0])) is not None:
-            parts.setdefault(tuple(row[at:]), []).append(deck.mesh.regions[region])
-    return {load for load, cells in parts.items() if len(np.unique(np.concatenate(cells))) == len(deck.mesh.cells)}
-
-
 def read_forces(deck: Deck, block: DeckBlock) -> None:
     """Forces at nodes: on whole facets a traction, if they are those of a uniform one; else one by one."""
     _forget(deck, block)
@@ -164,8 +155,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
     for (node, component), value in drives.items():
         bolts.drive(deck, block, "force", node, component, value)
     for group in deck.model.groups.get(block.number, []):
-        on_body = [k for k, node in enumerate(group.nodes) if node not in deck.bolts]
-        nodes, values = [group.nodes[k] for k in on_body], np.array([group.values[k] for k in on_body])
+        nodes = [node for node in group.nodes if node not in deck.bolts]
         component, axis = int(group.words[0]), _AXES.get(int(group.words[0]), "")
         if not nodes:
             continue
@@ -181,7 +171,7 @@ def read_forces(deck: Deck, block: DeckBlock) -> None:
             continue
         where = deck.boundary(group.name) if len(rows) == len(group.nodes) else None
         singly = component in deck.given_singly or not deck.kinematics.uniform
-        uniform = None if where is None or singly else _uniform(deck, where, rows, values)
+        uniform = None if where is None or singly else _uniform(deck, where, rows, np.array(group.values))
         if where is None or uniform is None:
             _push_singly(deck, block, group, axis, factor)
         else:

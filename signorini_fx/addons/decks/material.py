@@ -29,7 +29,7 @@ _FIRST_TERM = ("POLYNOMIAL", "REDUCEDPOLYNOMIAL")
 
 def read_section(deck: Deck, block: DeckBlock) -> None:
     """*SOLID SECTION and others: the material of a part, and the thickness of a plane one."""
-    region = deck.region(block.parameters["ELSET"])
+    region = deck.label("region", block.parameters["ELSET"])
     if block.keyword != "SOLIDSECTION":
         if deck.mesh.dim == 3 or region is None:
             deck.lose(block, NO_BODY_PART)

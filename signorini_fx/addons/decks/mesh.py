@@ -237,16 +237,10 @@ class _Reader:
     @cached_property
     def nodes(self) -> tuple[Numbering, Floats]:
         """All nodes and their positions, shape (n, 2) or (n, 3)."""
-        rows = Numbering(np.concatenate([_NO_NUMBERS, *(numbers for _, numbers, _ in self.node_parts)]))
-        ends = np.cumsum([len(numbers) for _, numbers, _ in self.node_parts])
-        if rows.again.size:
-            row = int(rows.again.min())
-            block = self.node_parts[int(np.searchsorted(ends, row, side="right"))][0]
-            raise DeckError(block, f"node {rows.numbers[row]} is defined twice")
-        points = np.zeros((len(rows.numbers), max((2, *(x.shape[1] for _, _, x in self.node_parts)))))
-        for end, (_, _, x) in zip(ends, self.node_parts, strict=True):
-            points[end - len(x) : end, : x.shape[1]] = x
-        return rows, points
+        rows = _numbering("node", [(block, numbers) for block, numbers, _ in self.node_parts])
+        dim = max((2, *(x.shape[1] for _, _, x in self.node_parts)))
+        points = [np.pad(x, ((0, 0), (0, dim - x.shape[1]))) for _, _, x in self.node_parts]
+        return rows, np.concatenate([np.empty((0, dim)), *points])
 
     @cached_property
     def elements(self) -> _Elements:
@@ -348,16 +342,23 @@ class _Elements:
         self.first = np.cumsum([0, *sizes])  # element of each keyword, in the order of the file
         # of each element the number of its keyword among ``blocks``, shape (n,)
         self.part = np.repeat(np.arange(len(parts)), sizes)
-        self.rows = Numbering(np.concatenate([_NO_NUMBERS, *(table[:, 0] for _, _, table in parts)]))
-        if self.rows.again.size:
-            row = int(self.rows.again.min())
-            raise DeckError(self.blocks[self.part[row]], f"element {self.rows.numbers[row]} is defined twice")
+        self.rows = _numbering("element", [(block, table[:, 0]) for block, _, table in parts])
         self.solid = np.array([not kind.startswith("line") for kind, _ in self.parts], dtype=bool)[self.part]
 
     def by_part(self, rows: Ints) -> list[Ints]:
         """Rows of all elements as rows of those of each keyword; those below 0 are none."""
         rows = rows[rows >= 0]
         return [rows[self.part[rows] == k] - self.first[k] for k in range(len(self.parts))]
+
+
+def _numbering(name: str, parts: Sequence[tuple[DeckBlock, Ints]]) -> Numbering:
+    """The numbers of nodes or elements that keywords define, each of them once."""
+    rows = Numbering(np.concatenate([_NO_NUMBERS, *(numbers for _, numbers in parts)]))
+    if rows.again.size:
+        row = int(rows.again.min())
+        part = int(np.searchsorted(np.cumsum([len(numbers) for _, numbers in parts]), row, side="right"))
+        raise DeckError(parts[part][0], f"{name} {rows.numbers[row]} is defined twice")
+    return rows
 
 
 def _distinct(parts: Sequence[Ints]) -> Ints:
