@@ -15,6 +15,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 from scipy.linalg import LinAlgError, eigh, null_space
 from scipy.optimize import minimize
+from scipy.sparse import csr_array
 
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
@@ -36,9 +37,7 @@ _NOT_TRIED = {
 
 
 def uniqueness_findings(model: Model) -> list[Finding]:
-    """Below which friction coefficient the last load step has one solution, given the ones before it; none without
-    Coulomb friction.
-    """
+    """Below which coefficient of Coulomb friction the last load step has one solution, given the ones before it."""
     law = model.law
     if law is None or not model.statement.has_coulomb:
         return []
@@ -72,29 +71,24 @@ def _contact_stiffness(model: Model) -> tuple[Nodal, Nodal] | str:
     if model.comm.size > 1:
         return "the proof is for one rank"
     elasticity = model.elasticity([])
-    operator = elasticity.contact.operator
-    starts, columns, values = operator.getValuesCSR()
+    starts, columns, values = elasticity.contact.operator.getValuesCSR()
     retained = np.unique(columns).astype(np.int32)
     if max(retained.size, len(starts) - 1) > _MOST_COMPONENTS:
         return f"there are {len(starts) - 1} components of contact points, the proof is for at most {_MOST_COMPONENTS}"
     free = ~elasticity.contact.fixed[retained]
-    rows = np.zeros((len(starts) - 1, retained.size))
-    rows[np.repeat(np.arange(len(rows)), np.diff(starts)), np.searchsorted(retained, columns)] = values
+    operator = csr_array((values, np.searchsorted(retained, columns), starts)).toarray()
     try:
         of = by_entries(elasticity.matrix), retained, (), elasticity.positions
         condensed = SchurComplement(*of, definite=elasticity.definite).dense[np.ix_(free, free)]
     except PETSc.Error:
         return "a part of the body moves freely though its contact points are fixed"
-    return condensed, rows[:, free]
+    return condensed, operator[:, free]
 
 
 def proved_multiple(stiffness: Nodal, operator: Nodal, law: PointFriction) -> tuple[float, str]:
-    """The multiple of the friction coefficients below which a problem is proved to have one solution; one rank;
-    ``stiffness``: of some unknowns without the prescribed ones, the others eliminated, shape (u, u); ``operator``: B on
-    these, rows (n, T) of each point.
-
-    Returns:
-        The multiple, infinite where friction has no part in it; and why it is zero.
+    """The multiple of the friction coefficients below which a problem is proved to have one solution, infinite where
+    friction has no part in it, and why it is zero; ``stiffness``: of some unknowns without the prescribed ones, the
+    others eliminated, shape (u, u); ``operator``: B on these, rows (n, T) of each point.
     """
     coefficient, moves = law.coefficient, np.linalg.norm(operator, axis=1) > NOTHING_LEFT
     by_point = moves.reshape(coefficient.size, -1)
