@@ -13,7 +13,6 @@ from petsc4py import PETSc
 from signorini_fx.algebra.algorithms.task import Outcome
 from signorini_fx.errors import FormError
 from signorini_fx.extensions import add_on
-from signorini_fx.forms.elasticity import NO_STRESS
 from signorini_fx.forms.given_forms import given_forms
 from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.machine import parallel
@@ -40,6 +39,13 @@ class ProblemOfForms:
 
     assembled: FormSolver
     _ended: Any  # what knows how the last solve has ended
+    titled: Callable[[str], Solution]  # ``solution`` with a title; collective
+    # What each owned cell of a solution has of the squared error, and the strain energy, see ``combined``; collective.
+    _errors_in_body: Callable[[Solution], tuple[Any, float]]
+    # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data; collective.
+    _differentiated: Callable[[], tuple[Any, ...]]
+    # The solution of a run; collective.
+    _through: Callable[[LoadPath, Clock, MeshCheckpoint | None, Callable[[StepResult], object]], Solution]
 
     def __repr__(self) -> str:
         dofmap = self.assembled.space.dofmap
@@ -83,10 +89,6 @@ class ProblemOfForms:
         """The contact points of this rank after the last solve, with forces and areas of the undeformed boundary."""
         return self.assembled.state
 
-    def titled(self, title: str) -> Solution:
-        """``solution`` with a title; collective."""
-        raise NotImplementedError
-
     @property
     def solution(self) -> Solution:
         """The last solution, or of a ``ContactProblem`` the last iterate, with the values that the forms have now;
@@ -113,11 +115,8 @@ class ProblemOfForms:
         if not self.assembled.contact:
             wrong = "there is none, and no error of its pressure: of the stress see stress.error"
             raise FormError([("contact", wrong)])
-        return combined(*self._errors_in_body())
-
-    def _errors_in_body(self) -> tuple[Any, ...]:
-        """What error estimates are combined from, see ``combined``; collective."""
-        raise NotImplementedError
+        solution = self.solution
+        return combined(solution.model, solution.table, *self._errors_in_body(solution))
 
     def place(self, number: int, **placement: Any) -> None:
         """Turn and move a foundation that has a shape, or change what drives it, for the next solve and those after it.
@@ -206,16 +205,6 @@ class ProblemOfForms:
         if not self.contact:
             raise FormError([("contact", "there is none: derivatives are those of contact problems")])
         return add_on("gradient")(of, by, *self._differentiated())
-
-    def _differentiated(self) -> tuple[Any, ...]:
-        """What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data; collective."""
-        raise NotImplementedError
-
-    def _through(
-        self, path: LoadPath, clock: Clock, stored: MeshCheckpoint | None, on_step: Callable[[StepResult], object]
-    ) -> Solution:
-        """The solution of a run; collective."""
-        raise NotImplementedError
 
     def write(
         self,
@@ -337,25 +326,17 @@ class ContactProblem(ProblemOfForms):
             RuntimeError: the problem was given no ``stress``, or there is no solution so far.
             FormError: this has another shape, or some strain has no stress.
         """
-        solver = self.assembled
-        if solver.forms.stress is None:
-            raise RuntimeError(NO_STRESS)
-        _ = solver.state  # which says so where there is no solution
-        if self._stresses is None or self._stresses[0] is not solver.outcome:
-            stress = solver.model().stress(self.u.copy(), 0.0)
-            assert not isinstance(stress, str)
-            self._stresses = solver.outcome, stress
+        outcome = self.assembled.outcome
+        if self._stresses is None or self._stresses[0] is not outcome:
+            self._stresses = outcome, self.solution.stress
         return self._stresses[1]
 
-    def _errors_in_body(self) -> tuple[Any, ...]:
-        from signorini_fx.mechanics.contact_points.contact_table import contact_table
-
-        stress, solver = self.stress, self.assembled
-        if solver.forms.measures:
+    def _errors_in_body(self, solution: Solution) -> tuple[Any, float]:
+        stress = self.stress
+        if self.assembled.forms.measures:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
             raise FormError([("stress", wrong)])
-        model = solver.model()
-        return model, contact_table(self.state, *model.statement.sides), stress.squares, stress.energy
+        return stress.squares, stress.energy
 
     def titled(self, title: str) -> Solution:
         from signorini_fx.forms.steps import solution_of
@@ -406,5 +387,5 @@ class ContactProblem(ProblemOfForms):
             raise RuntimeError("there is no solution to differentiate")
         if self.tools:
             raise RuntimeError("derivatives by what moves a foundation are those of scenes")
-        solved = solver.elastic, solver.task, solver.outcome, solver.begun, self.state, self.u, solver.law_now()
+        solved = solver.elastic, solver.task, solver.outcome, solver.begun, self.state, self.u, solver.begun.law
         return solver.model, solved, solver.data_now

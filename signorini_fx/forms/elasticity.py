@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from signorini_fx.results.stresses import RawStresses
 
 Array = npt.NDArray[np.float64]
-NO_STRESS = "only the form knows the stresses: give stress=, a function of the displacement"
 
 
 def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> tuple[int, ...]:
@@ -204,7 +203,9 @@ class FormBody(SolidBody):
         from signorini_fx.results.stresses import RawStresses
 
         law = self.user_forms.stress
-        return NO_STRESS if law is None else RawStresses(stress_of(law, y, self.user_forms.parts), self)
+        if law is None:
+            return "only the form knows the stresses: give stress=, a function of the displacement"
+        return RawStresses(stress_of(law, y, self.user_forms.parts), self)
 
     @cached_property
     def recovery(self) -> StressRecovery:

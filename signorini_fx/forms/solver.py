@@ -317,10 +317,6 @@ class FormSolver:
         model = replace(model_of(self.elastic, self._named, path, title, *contact), data=self.unshifted)
         return FormBody.of(model, user_forms=self.forms, prescribed_dofs=self.prescribed, form_scales=self.scales)
 
-    def law_now(self) -> PointFriction | None:
-        """Friction at the contact points with the values that Constants have now; collective."""
-        return self._point_data(self.foundations.shapes())[1]
-
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
         """The problem of now as derivatives take it; ``solved``: one of the same body with the solution; collective."""
         solved = self if solved is None else solved

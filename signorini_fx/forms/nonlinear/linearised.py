@@ -551,7 +551,7 @@ class LinearisedProblem(FormSolver):
         # Of displacements along the normal there are none.
         slips = np.pad(turned_slips(self.boundary, self._hessians, self._way()), ((0, 0), (0, 0), (1, 0)))
         turning = curvature, slips, self.foundations.spin_at(self.boundary)
-        return self.elastic, self.task, outcome, self.begun, state, self.at, self.law_now(), turning
+        return self.elastic, self.task, outcome, self.begun, state, self.at, self.begun.law, turning
 
     def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:
         """With what supports prescribe, and the motion of shapes at contact points in the step; ``begun``: values of

@@ -218,11 +218,10 @@ class NonlinearContactProblem(ProblemOfForms):
         status, algorithm = self.status or Status.CONVERGED, f"newton, {solution.algorithm}"
         return replace(solution, status=status, algorithm=algorithm)
 
-    def _errors_in_body(self) -> tuple[Any, ...]:
-        solution = self.solution
+    def _errors_in_body(self, solution: Solution) -> tuple[Any, float]:
         if isinstance(shares := solution.error_shares, str):
             raise RuntimeError(shares)
-        return solution.model, solution.table, shares, 0.5
+        return shares, 0.5
 
     @property
     def _ends(self) -> list[tuple[StepResult, ResidualMechanics]]:
