@@ -122,16 +122,12 @@ class FormSolver:
         solves_before, self.timings = len(self.history.iterations), Timings()
         with options_applied(*self.options), self.timings.phase("solve"):
             self.begun = self.begin_step()
-            outcome = self._outcome_of_now()
+            outcome = solve_task(self.task, self.begun)
             self.show(outcome, self._judged(outcome, solves_before))
         status = self.status
         if status is None or status is Status.CONVERGED:
             return ""
         return f"{status.value}: {status.advice}"
-
-    def _outcome_of_now(self) -> Outcome:
-        """How the contact problem of now ends; collective."""
-        return solve_task(self.task, self.begun)
 
     @property
     def state(self) -> ContactState:

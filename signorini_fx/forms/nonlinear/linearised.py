@@ -20,7 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start
-from signorini_fx.algebra.contact.active_sets import ActiveSets, classify
+from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
@@ -210,7 +210,6 @@ class LinearisedProblem(FormSolver):
     several = False  # see ``Start``
     bodies: tuple[str, ...] = ()  # see ``BodyPieces``
     _keeps = False  # whether the next solve keeps the stiffness of the last one
-    _retains_all = False  # where the choice of ``_far_points`` has left out too many
     _farthest = 0.0  # the largest increment of this load so far, length
     _round_off: float | None = None  # see ``_lost``, of the present load
     foundations: MovingFoundations
@@ -383,8 +382,9 @@ class LinearisedProblem(FormSolver):
         return self._last.before.displacement.x.array.reshape(self.places.shape)
 
     def _judged(self, outcome: Outcome, solves_before: int) -> None:
-        """None: the solution of the nonlinear problem gets one."""
-        return None
+        """None: the solution of the nonlinear problem gets one; points that were taken to be far are where it is."""
+        if isinstance(system := outcome.problem.system, CondensedSystem):
+            system.find_far_points(outcome.newton.x)
 
     @property
     def _residual_now(self) -> Array:
@@ -444,29 +444,15 @@ class LinearisedProblem(FormSolver):
         if why:
             raise ConvergenceError(self, why)
 
-    def _outcome_of_now(self) -> Outcome:
-        """Once more with all points if one has touched that was taken to be far."""
-        outcome = super()._outcome_of_now()
-        system = outcome.problem.system
-        # Other systems reach all points, and so does a condensed one of a body that only contact holds.
-        if isinstance(system, CondensedSystem) and self._far_touch(outcome, system):
-            self._retains_all, self._last_pattern = True, None
-            try:
-                self.begun = self.begin_step()
-            finally:
-                self._retains_all = False
-            outcome = super()._outcome_of_now()
-        return outcome
-
     def _far_points(self, boundary: ContactBoundary) -> tuple[npt.NDArray[np.bool_], fem.Function] | None:
         """Which points are farther from their shapes than an increment may bring them, shape (n,), and the displacement
-        of now; None: none is.  The dense matrix of a body in 3D on one rank, which is large, does without them.
+        of now; None: none is.  The dense matrix of a body in 3D on one rank does without them; the next iteration has
+        those that are inside of their shapes.
         """
         state, values, dim = self._state, self.at.x.array, boundary.x.shape[1]
         plain = boundary.averages.shares.nnz == boundary.size > 0 and boundary.moving is None and not boundary.paired
         known = state is not None and state.boundary.size == boundary.size
-        iterates = self.residual is not None and not self._retains_all
-        if dim != 3 or boundary.comm.size > 1 or not iterates or not plain or not known:
+        if dim != 3 or boundary.comm.size > 1 or self.residual is None or not plain or not known:
             return None
         assert state is not None
         distance, added = np.full(boundary.size, -np.inf), np.zeros(len(self.places))
@@ -482,27 +468,13 @@ class LinearisedProblem(FormSolver):
         else:
             increments.append(np.abs(values - self._last_values))
             self._farthest = max(self._farthest, float(increments[-1].max(initial=0.0)))
-        near = state.in_contact | (state.shear != 0.0).any(axis=1)  # a shear may act without contact
+        near = state.in_contact | (state.bound > 0.0)  # a shear may act without contact
         near |= distance <= RETAINED_REACH * max(moved.max(initial=0.0) for moved in increments)
         if self._near is not None and self._near.size == near.size:
             near |= self._near
         near[distance.argmin()] = True  # a dense matrix of nothing is none
         self._near, self._last_values = near, values.copy()
         return None if near.all() else (~near, self.at)
-
-    def _far_touch(self, outcome: Outcome, system: CondensedSystem) -> bool:
-        """Whether an outcome may be another one than that of all points."""
-        far, problem, sets = system.elasticity.far, outcome.problem, self.begun.sets
-        if far is None:
-            return False
-        if outcome.status is not Status.CONVERGED or (sets is not None and bool((sets.contact & far.points).any())):
-            return True
-        system.find_far_points(outcome.newton.x)
-        touching = classify(problem.sets, *system.contact.traces(outcome.newton.x), problem.data).contact
-        touching |= problem.sets.contact  # from where they were before
-        if problem.data.bound is not None:
-            touching |= problem.data.bound > 0.0  # such as that of Tresca, which acts without contact
-        return bool((touching & far.points).any())
 
     def leave_open(self, status: Status) -> None:
         """Make the displacement of now, without any contact, the last result, of a solve with this end; collective."""
