@@ -20,7 +20,7 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
-from signorini_fx.algebra.linalg.petsc_options import PREFIX, refuse_exchanged, refused
+from signorini_fx.algebra.linalg.petsc_options import PREFIX, defaults, refuse_exchanged, refused
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, natural_modulus, scales_of
 from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts, settings_of
@@ -337,20 +337,12 @@ def options_applied(prefix: str, problem_options: Mapping[str, Any]) -> Iterator
     Raises:
         OptionsError: PETSc fails with them, or would run another method than ours with one of them.
     """
-    database = PETSc.Options()
-    wanted = {name: str(value) if value is not None else "" for name, value in problem_options.items()}
-    wanted |= {name.removeprefix(prefix): value for name, value in database.getAll().items() if name.startswith(prefix)}
-    ours = PETSc.Options(PREFIX)
-    refuse_exchanged({name: value or "" for name, value in {**ours.getAll(), **wanted}.items()})
-    saved = {name: value for name, value in database.getAll().items() if name.startswith(PREFIX)}
-    for name, value in wanted.items():
-        ours[name] = value or None
-    try:
-        yield
-    except PETSc.Error as error:
-        raise refused(error) or error from None
-    finally:
-        for name in wanted:
-            ours.delValue(name)
-        for name, value in saved.items():
-            database[name] = value or None
+    wanted = {name: None if value is None else str(value) for name, value in problem_options.items()}
+    of_database = PETSc.Options().getAll().items()
+    wanted |= {name.removeprefix(prefix): value or None for name, value in of_database if name.startswith(prefix)}
+    refuse_exchanged({name: value or "" for name, value in {**wanted, **PETSc.Options(PREFIX).getAll()}.items()})
+    with defaults(wanted):
+        try:
+            yield
+        except PETSc.Error as error:
+            raise refused(error) or error from None

@@ -47,7 +47,7 @@ def user_chooses_solver() -> bool:
 
 
 @contextmanager
-def defaults(values: Mapping[str, str] = _OF_FACTORS) -> Iterator[None]:
+def defaults(values: Mapping[str, str | None] = _OF_FACTORS) -> Iterator[None]:
     """Set options, those of factorisations, while PETSc reads them, unless the user has set them."""
     options = PETSc.Options(PREFIX)
     ours = [name for name in values if not options.hasName(name)]

@@ -1,29 +1,13 @@
 """Rigid shapes as nodes at finite displacements see them: distance, direction, curvature and motion of the shape.
 
-A node X that is displaced by u is outside of a shape if phi(X + u) >= 0, with phi the signed distance of the shape.
-With the unit normal n_f = grad phi at X + u the condition for a new displacement y is, to first order,
-- n_f . y <= phi(X + u) - n_f . u: a gap and a direction as every foundation has them.
+The formulas of the gap at X + u are in docs/theory.md.  Functions of all shapes take the contact points ``boundary``,
+the ``shapes`` by the numbers of their foundations, ``places``, displacements of the nodes, shape (nodes, d), and the
+``size`` of the body, lengths; H are the ``hessians``, second derivatives of distances, and w is the ``way`` of the
+points relative to their shapes since the last step, length, shape (n, d).
 
-Functions of all shapes take the contact points ``boundary``, the ``shapes`` by the numbers of their foundations,
-``places``, displacements of the nodes, shape (nodes, d), and the ``size`` of the body, lengths; H are the ``hessians``,
-second derivatives of distances, and w is the ``way`` of the points relative to their shapes since the last step,
-length, shape (n, d).
-
-Tools are rigid shapes that forces and moments move: their finite motion is unknown beside the displacement of a body.
-A tool with the pivot c turns about it by a rotation vector psi, and moves by v.  With phi and n_f of the tool where it
-is, and the arm a = X + u - c - v, the condition for y and a new motion q = (v, psi) is, to first order,
-
-    - n_f . (y - R q) <= phi(X + u) - n_f . (u - R q_now),   R q = v + psi x a.
-
-So contact sees y - R q, as with rigid bodies of linear problems, see ``rigid_bodies``, but with the arms of now.  It is
-exact to first order where psi is along one axis, about which all turns are: in 3D no more than one of its components
-may be free.
-
-The tractions t at the points act on the tool by t and a x t.  As normals turn they meet relative displacements
-r = d - R dq by the blocks C of ``curvature_of``.  As the tool turns by w they turn with it, and arms change by
-r + w x a; the symmetric part of that is, for (r, w),
-
-    [0, -[t]; [t], a . t - (a t^T + t a^T) / 2],   with [t] b = t x b.
+Tools are rigid shapes that forces and moments move by v and turn about their pivot c by a rotation vector psi, which
+are unknown and need not be small.  With the arm a = X + u - c - v of a point, contact sees y - R q with
+R q = v + psi x a, to first order: psi is along one axis, so that in 3D no more than one of its components may be free.
 """
 
 from __future__ import annotations
@@ -35,7 +19,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
-from scipy.spatial.transform import Rotation
 
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
@@ -89,7 +72,12 @@ class MovingShape:
         moved = shift + motion.translation + (turn_of(turn) - np.eye(dim)) @ about
         update: dict[str, Any] = {"shift": tuple(map(float, moved))}
         if turn.any() or self.shape.rotation is not None:
-            update["rotation"] = turned_further(home.angles(), turn, self.shape.angles())
+            given = np.zeros(turn.size) + home.angles()
+            if dim == 3 and np.cross(given, turn).any():
+                reason = "a rigid body that forces turn is given turned about another axis: leave its rotation out"
+                raise FormError([("contact", reason)])
+            angles = (given + np.degrees(turn)).tolist()
+            update["rotation"] = tuple(angles) if dim == 3 else angles[0]
         self.shape = self.shape.model_copy(update=update)
 
     def projected(self, *, linear: bool = True) -> tuple[Array, Array]:
@@ -205,22 +193,6 @@ def fitting(number: int, shape: Any, dimension: int, *, turns: bool = True) -> S
     return shape
 
 
-def turned_further(initial: float | tuple[float, ...], turn: Array, near: float | tuple[float, ...]) -> Any:
-    """The rotation of a shape, degrees, that a vector in radians turns from ``initial``, nearest to ``near``."""
-    if turn.size == 1:
-        assert isinstance(initial, float)
-        return initial + float(np.degrees(turn[0]))
-    first = np.zeros(3) + np.asarray(initial)
-    if not first.any():
-        return tuple(np.degrees(turn).tolist())
-    together = (Rotation.from_rotvec(turn) * Rotation.from_rotvec(np.radians(first))).as_rotvec()
-    size = float(np.linalg.norm(together))
-    axis = together / size if size > 0 else first / np.linalg.norm(first)
-    along = float(axis @ np.radians(np.zeros(3) + np.asarray(near)))
-    turns = np.round((along - size) / (2 * np.pi))
-    return tuple(np.degrees((size + 2 * np.pi * turns) * axis).tolist())
-
-
 class ToolMotion(RigidBodyMotion):
     """How a tool has moved: by a translation of its pivot and a rotation vector that need not be small."""
 
@@ -284,10 +256,13 @@ class MovingTools(RigidBodies):
         return np.asarray(boundary.moving.modes @ self.coordinates)
 
     def relative_stiffness(self, state: ContactState, curvature: Array) -> tuple[Array, Array]:
-        """What the tractions of contact points and ``curvature``, C, shape (n, d, d), are between points and tools, see
+        """What tractions t of contact points and ``curvature``, C, shape (n, d, d), are between points and tools, see
         ``ElasticBody.relative``; collective.
 
-        They are forces of (r, L w), the displacement relative to the tool and its turn.
+        They are forces of (r, L w), the displacement relative to the tool and its turn: normals meet r by C, tractions
+        turn by w, and arms change by r + w x a.  The symmetric part of that is, with [t] b = t x b,
+
+            [0, -[t]; [t], a . t - (a t^T + t a^T) / 2].
         """
         boundary, dim, each = self.on(state.boundary), self.kinematics.dimension, self.units.size
         assert boundary.moving is not None

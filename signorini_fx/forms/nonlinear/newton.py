@@ -29,6 +29,7 @@ from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import ConvergenceError
+from signorini_fx.solving.meshed_problem import OF_THE_BODY
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
     KEPT_TANGENT,
@@ -47,26 +48,12 @@ class NoEquilibrium(Exception):
     """A solve, or a way through load steps, has ended without a solution; its text says how, and what to do."""
 
 
-# What the statics of linear bodies prove.
-OF_LINEAR_BODIES = (
-    Status.OPEN,
-    Status.TIPS,
-    Status.SLIDES,
-    Status.SLIDES_AT_PRESSURES,
-    Status.TOO_LARGE,
-    Status.SINGULAR,
-)
+# What is said of linear bodies alone.
+OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)
 # What smaller steps do not change.
 FINAL = (Status.STABILITY_UNKNOWN, Status.NO_DIGIT, Status.NO_MEMORY, Status.NOT_HELD, Status.OPEN)
 # How a solve ends that says nothing of the stiffness, beside these.
-NOT_BY_STIFFNESS = (
-    Status.PASSED,
-    Status.FOLDED,
-    Status.AT_END,
-    Status.INSIDE,
-    Status.TOO_LARGE,
-    Status.NOT_CERTIFIED,
-)
+NOT_BY_STIFFNESS = (*OF_THE_BODY, Status.PASSED, Status.FOLDED, Status.AT_END, Status.INSIDE, Status.NOT_CERTIFIED)
 
 
 @dataclass

@@ -117,15 +117,11 @@ class NonlinearContactProblem(ProblemOfForms):
         update: called before anything is assembled at new values of ``u``, such as to return stresses to a yield
             surface, from the state of the last ``commit``.  Where it raises an exception the increment is shortened.
         commit: called by ``advance``: the state at ``u`` is that from which the next step starts.
-        petsc_options_prefix: see ``ContactProblem``.
-        petsc_options: see ``ContactProblem``.
-        form_compiler_options: see ``dolfinx.fem.form``.
-        jit_options: see ``dolfinx.fem.form``.
+        petsc_options_prefix, petsc_options, form_compiler_options, jit_options, boundaries: see ``ContactProblem``.
         stability: whether the inertia of the tangent is looked at after each solve, by a factorisation of its own; then
             *converged* means that the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J``
             that differs from it, tried by a difference, only leads Newton's method.
         max_newton: iterations of Newton's method.
-        boundaries: see ``ContactProblem``.
         settings: algorithm, coulomb, ..., see ``SolverSettings``.
 
     Attributes:

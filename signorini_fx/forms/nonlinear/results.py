@@ -1,14 +1,7 @@
-"""The results of a ``NonlinearContactProblem`` as a ``Solution``, its certificate, and the error of its stress.
+"""What a nonlinear body is at a solution: its certificate by F, assembled anew at the displaced points, its load step,
+and the error of its stress P, by which the residual multiplies the gradient of its test function, see docs/theory.md.
 
-Equilibrium is that of the residual F itself, relative to the contact forces and reactions; no matrix and no
-linearisation enters.  Distances of shapes, normals, and how far they have moved are evaluated at X + u.  The solver and
-the certificate share F, the shapes, and the values of friction at the nodes.
-
-The stress P is what the residual multiplies the gradient of its test function by (of finite strains the first
-Piola-Kirchhoff stress).  In each cell it is taken as a polynomial of degree k - 1, and projected onto the continuous
-functions of degree 1 in each material; its difference to the projection is measured in L2 (Zienkiewicz and Zhu).  The
-error is that of the last load step: what a coarse mesh leaves in the state of a material counts as far as it makes the
-stress rough.
+What a coarse mesh leaves in the state of a material counts as far as it makes the stress rough.
 """
 
 from __future__ import annotations
