@@ -24,13 +24,11 @@ from signorini_fx.records import History, Status
 from signorini_fx.results.certificate.certificate import Certificate
 
 if TYPE_CHECKING:
-    from signorini_fx.forms.steps import Clock
     from signorini_fx.quantities.differentiable import Gradient
     from signorini_fx.results.accuracy.error_estimates import Errors
     from signorini_fx.results.mechanics import StepResult
     from signorini_fx.results.solution import Solution
     from signorini_fx.results.stresses import RawStresses
-    from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
     from signorini_fx.solving.load_steps import StepProgress
 
 
@@ -44,8 +42,8 @@ class ProblemOfForms:
     _errors_in_body: Callable[[Solution], tuple[Any, float]]
     # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data; collective.
     _differentiated: Callable[[], tuple[Any, ...]]
-    # The solution of a run; collective.
-    _through: Callable[[LoadPath, Clock, MeshCheckpoint | None, Callable[[StepResult], object]], Solution]
+    # The solution of a run with a path, clock and checkpoint of ``begun_path`` and ``on_step``; collective.
+    _through: Callable[..., Solution]
 
     def __repr__(self) -> str:
         dofmap = self.assembled.space.dofmap
@@ -369,13 +367,11 @@ class ContactProblem(ProblemOfForms):
             raise ConvergenceError(self, why)
         return self.u
 
-    def _through(
-        self, path: LoadPath, clock: Clock, stored: MeshCheckpoint | None, on_step: Callable[[StepResult], object]
-    ) -> Solution:
+    def _through(self, *run: Any) -> Solution:
         from signorini_fx.forms.steps import solve_path
         from signorini_fx.results.solution import ConvergenceError
 
-        self._ran = solve_path(self.assembled, path, clock, on_step, stored)
+        self._ran = solve_path(self.assembled, *run)
         solution = self.solution
         if not solution.converged:
             raise ConvergenceError(solution)

@@ -322,11 +322,7 @@ class FormSolver:
         settings = Settings.of(self.settings)
         data, law = self.foundations.problem(boundary, self.foundations.data(shapes), settings, solved.scales)
         values = prescribed(self.space, conditions_of(self.bcs, self.space))[1][: fixed.size]
-        return (*self._forms_and_forces(), values, boundary, data.gap, law)
-
-    def _forms_and_forces(self) -> tuple[list[fem.Form], Array]:
-        """The terms of a, and L at the owned dofs, as they are now; collective."""
-        return [self.forms.compiled[0]], assemble(self.forms.compiled[1])
+        return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), values, boundary, data.gap, law
 
 
 @contextmanager

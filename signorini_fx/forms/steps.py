@@ -58,8 +58,8 @@ def solve_path(
     solver: FormSolver,
     path: LoadPath,
     clock: Clock,
+    stored: MeshCheckpoint | None,
     on_step: Callable[[StepResult], object],
-    stored: MeshCheckpoint | None = None,
 ) -> StepProgress:
     """Solve the load steps of a path, which the solver is left at the last of; collective."""
     solver.timings = Timings()

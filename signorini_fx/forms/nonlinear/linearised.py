@@ -48,10 +48,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.model import ElasticBody
-from signorini_fx.mechanics.obstacles.foundations_on_points import (
-    Foundations,
-    ShapeDistances,
-)
+from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.rigid_shape import Distance
@@ -296,10 +293,12 @@ class LinearisedProblem(FormSolver):
                 self.task.newton.begin_at(self.task.system.start)
             else:
                 self._last.taken_up(self.task, self.elastic, self.rigid)
-        places, way = self.places[boundary.nodes] - tools.at_points(boundary), self._way()
-        if tools.bodies:  # their slips are counted from where a step has begun by their finite motion
+        places, way = self.places[boundary.nodes], self._way()
+        if boundary.moving is not None:  # slips on tools are counted from where a step has begun by their finite motion
+            places = places - boundary.moving.modes @ tools.coordinates
             begins = np.einsum("nij,ni->nj", boundary.tangents, places - way)
-            origin = np.where(tools.touching(boundary)[:, None], begins, origin)
+            on_tools = np.isin(boundary.part, [part for body in tools.bodies for part in body.parts])
+            origin = np.where(on_tools[:, None], begins, origin)
         if state is not None and len(self._hessians) == boundary.size == state.boundary.size:
             slip = np.einsum("nij,ni->nj", boundary.tangents, places) - origin
             slip -= np.einsum("nij,nik,nk->nj", boundary.tangents, state.boundary.cotangents, state.slip_length)
@@ -526,26 +525,22 @@ class LinearisedProblem(FormSolver):
         return self.elastic, self.task, outcome, self.begun, state, self.at, self.begun.law, turning
 
     def data_now(self, solved: FormSolver | None = None, begun: Array | None = None) -> tuple[Any, ...]:
-        """With what supports prescribe, and the motion of shapes at contact points in the step; ``begun``: values of
-        the displacement at the end of the last step; None: those of the last step here.
+        """Minus the residual in place of the forms, with what supports prescribe, and the motion of shapes at contact
+        points in the step; ``begun``: values of the displacement at the end of the last step; None: of that here.
         """
         kept, at = self.at.x.array.copy(), self.at.x.array
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
         at[fixed] = supports[fixed]
         try:
-            *data, boundary, gap, law = super().data_now(solved)
+            _, _, values, boundary, gap, law = super().data_now(solved)
             begins = self._begun_places if begun is None else begun.reshape(self.places.shape)
             motion = self.foundations.motion_at(boundary, begins)
-            return (*data, boundary, gap, law, motion)
+            if (residual := self._evaluated.at(at.copy())) is None:
+                raise FormError([("F", "is not finite beside the solution")])
+            return [], -residual, values, boundary, gap, law, motion
         finally:
             at[:] = kept
             self._evaluated.go_to(kept)
-
-    def _forms_and_forces(self) -> tuple[list[fem.Form], Array]:
-        """No form, and minus the residual at the displacement of now."""
-        if (residual := self._evaluated.at(self.at.x.array.copy())) is None:
-            raise FormError([("F", "is not finite beside the solution")])
-        return [], -residual
 
     @property
     def loose(self) -> list[int]:

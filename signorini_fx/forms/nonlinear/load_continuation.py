@@ -25,25 +25,10 @@ from signorini_fx.tuned import ENCLOSED, FEW_NEWTON_ITERATIONS
 _SOLUTION, _TANGENT = "solution", "tangent"
 
 
-class Way(PathIncrements):
-    """A step without a solution is halved, the first one from time 0; after an easy one the next is larger."""
-
-    @property
-    def may_halve(self) -> bool:
-        """Whether a smaller step than the next one may be tried."""
-        return (self.next - self.reached) / 2 >= ENCLOSED * self.nominal
-
-    def accept(self, iterations: int) -> None:
-        """The next step has a solution, after so many iterations."""
-        self.reached = self.next
-        if iterations <= FEW_NEWTON_ITERATIONS:
-            self.increment *= 2
-        self.increment = min(max(self.increment, ENCLOSED * self.nominal), self.nominal)
-
-
 class Continuation(Stepping[StepResult]):
-    """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts; one without a solution
-    that cannot be shortened ends it with NoEquilibrium or FormError.
+    """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts.  One without a solution
+    is halved, the first one from time 0; after an easy one the next is larger.  A step that cannot be shortened ends
+    with NoEquilibrium or FormError.
 
     ``apply`` changes the problem to what it is at a place.  ``ends`` are the load steps with a solution, with what the
     residual says of them.
@@ -51,7 +36,7 @@ class Continuation(Stepping[StepResult]):
 
     def __init__(self, solver: EquilibriumSolver, path: LoadPath, apply: Callable[[float], object]) -> None:
         solver.begin_path(several=path.several)
-        self.solver, self.way, self._apply = solver, Way(path), apply
+        self.solver, self.way, self._apply = solver, PathIncrements(path), apply
         self.history, self.timings = solver.linear.history, solver.timings
         self.ends = list[tuple[StepResult, ResidualMechanics]]()
         self._solves_before = len(self.history.iterations)
@@ -60,25 +45,31 @@ class Continuation(Stepping[StepResult]):
     def through(self) -> bool:
         return self.way.ended
 
+    @property
+    def _may_halve(self) -> bool:
+        """Whether a smaller step than the next one may be tried."""
+        return (self.way.next - self.way.reached) / 2 >= ENCLOSED * self.way.nominal
+
     def solved(self) -> StepResult | None:
         begun, solver, way = self.solver.snapshot(), self.solver, self.way
         if (path := way.path).several:
             self.history.add(StepRecord(len(self.ends) + 1, path.name_at(way.next), path.time_at(way.next)))
         try:
             self._apply(way.next)
-            solver.attempt(final=not way.may_halve)
+            solver.attempt(final=not self._may_halve)
             solver.take()
         except Exception as error:
             self._give_up(begun, error)
             return None
-        end = way.next
-        way.accept(solver.iterations)
+        end = way.reached = way.next
+        increment = way.increment * (2 if solver.iterations <= FEW_NEWTON_ITERATIONS else 1)
+        way.increment = min(max(increment, ENCLOSED * way.nominal), way.nominal)
         return self._end_step(end)
 
     def _give_up(self, begun: State, error: Exception) -> None:
         """Go back to where a failed step has begun, and halve it, or raise why there is no solution; collective."""
         solver, way, status = self.solver, self.way, self.solver.status
-        final = not way.may_halve or status in FINAL
+        final = not self._may_halve or status in FINAL
         if status is not None and solver.without:
             status = Status.LIMIT
         if final and isinstance(error, NoEquilibrium) and solver.solved is None:

@@ -245,16 +245,6 @@ class MovingTools(RigidBodies):
             places[np.isin(boundary.part, tool.body.parts)] -= tool.translation
         return np.asarray(places)
 
-    def touching(self, boundary: ContactBoundary) -> npt.NDArray[np.bool_]:
-        """Which contact points are on a tool, shape (n,)."""
-        return np.isin(boundary.part, [part for body in self.bodies for part in body.parts])
-
-    def at_points(self, boundary: ContactBoundary) -> Array:
-        """R q at contact points, zero at those of other foundations, length, shape (n, d)."""
-        if boundary.moving is None:
-            return np.zeros_like(boundary.x)
-        return np.asarray(boundary.moving.modes @ self.coordinates)
-
     def relative_stiffness(self, state: ContactState, curvature: Array) -> tuple[Array, Array]:
         """What tractions t of contact points and ``curvature``, C, shape (n, d, d), are between points and tools, see
         ``ElasticBody.relative``; collective.

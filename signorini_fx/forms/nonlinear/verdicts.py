@@ -53,7 +53,11 @@ class Stability:
             return Status.CONVERGED
         if not self.linear.symmetric:  # without an energy a symmetric part that is not definite proves nothing
             return Status.STABILITY_UNKNOWN
-        self._detail = self._most_moved(direction)
+        space, dim = self.linear.space, self.linear.space.mesh.geometry.dim
+        sizes = np.linalg.norm(direction.reshape(-1, dim), axis=1)
+        rows = np.column_stack((sizes, node_positions(space)[: sizes.size, :dim]))
+        farthest = max(map(tuple, parallel.gather_rows(space.mesh.comm, rows[np.argsort(-sizes, kind="stable")[:1]])))
+        self._detail = f"it begins at ({', '.join(f'{x:.4g}' for x in farthest[1:])})"
         return Status.UNSTABLE
 
     def _inertia(self) -> tuple[int, Array] | None:
@@ -89,15 +93,6 @@ class Stability:
         tangents = self.tangents
         known = not tangents.given or tangents.trusted
         return known or is_derivative(tangents.leading, self.residual, values, ~self.linear.elastic.fixed)
-
-    def _most_moved(self, direction: Array) -> str:
-        """Where a displacement of the owned nodes is largest, in words; collective."""
-        space, dim = self.linear.space, self.linear.space.mesh.geometry.dim
-        sizes = np.linalg.norm(direction.reshape(-1, dim), axis=1)
-        places = node_positions(space)[: sizes.size, :dim]
-        rows = np.column_stack((sizes, places))[np.argsort(-sizes, kind="stable")[:1]]
-        farthest = max(map(tuple, parallel.gather_rows(space.mesh.comm, rows)))
-        return f"it begins at ({', '.join(f'{x:.4g}' for x in farthest[1:])})"
 
     def _negative(self, tangent: fem.Form) -> tuple[int, Array]:
         """``negative_directions`` of the symmetric part of a tangent where points stay in contact, and those that stick
