@@ -17,7 +17,7 @@ from mpi4py import MPI
 from scenes import alone, table_of
 
 from signorini_fx.errors import SceneError
-from signorini_fx.machine.compat import geometry_cells, geometry_degree, geometry_element
+from signorini_fx.machine.compat import geometry_cells, geometry_degree
 from signorini_fx.mechanics.mesh.files.cells import CELLS, check_shape
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import generate_mesh
@@ -136,13 +136,10 @@ def check(name, tagged, rel):
 
 
 def cells_of(tagged):
-    """Positions, nodes of the cells in the order of mesh files, and their kind."""
+    """Positions, nodes of the cells, and their kind."""
     mesh = tagged.mesh
     cell = CELLS[KINDS[mesh.topology.cell_name()][geometry_degree(mesh) - 1]]
-    places = geometry_element(mesh).points
-    own = [np.mean([cell.corners[c] for c in corners], axis=0) for corners in cell.nodes]
-    order = [int(np.argmin(np.abs(places - x).sum(axis=1))) for x in own]
-    return mesh.geometry.x[:, : tagged.dimension], geometry_cells(mesh)[:, order], cell
+    return mesh.geometry.x[:, : tagged.dimension], geometry_cells(mesh), cell
 
 
 def cells_of_all(tagged):

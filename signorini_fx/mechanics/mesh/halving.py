@@ -50,21 +50,21 @@ def straightened(mesh: MeshArrays) -> MeshArrays:
 
 def quadratic(mesh: MeshArrays) -> MeshArrays:
     """A mesh of straight cells with nodes in the middle of their edges and faces, of the same shape."""
-    cell = next(kind for kind in CELLS.values() if kind.corners == mesh.cell.corners and kind.degree == 2)
+    cell = next(kind for kind in CELLS.values() if kind.basix_type == mesh.cell.basix_type and kind.degree == 2)
     number, points, lattice = _numbered(mesh, 2)
-    cells = number[:, _places(cell, np.array(cell.corners), lattice)]
+    cells = number[:, _places(cell, cell.corners, lattice)]
     rows = rows_of(mesh.facet_corners, sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
     return replace(mesh, points=points, kind=cell.kind, cells=cells, facets=sides_of(cells, cell)[rows])
 
 
 def halved(mesh: MeshArrays) -> MeshArrays:
     """The mesh with every side of every cell halved."""
-    cell, corners = mesh.cell, np.array(mesh.cell.corners)
+    cell, corners = mesh.cell, mesh.cell.corners
     number, points, lattice = _numbered(mesh, 2 * mesh.degree)
     children = _places(cell, _children(cell, corners), lattice)
-    sides = np.array([_places(mesh.facet, _children(mesh.facet, corners[list(f)]), lattice) for f in cell.facets])
-    at = rows_of(mesh.facet_corners, sides_of(mesh.cells, cell)[:, : len(mesh.facet.corners)])
-    owner, side = np.divmod(at, len(cell.facets))
+    ends = cell.facet_nodes[:, : len(mesh.facet.corners)]
+    sides = np.array([_places(mesh.facet, _children(mesh.facet, corners[facet]), lattice) for facet in ends])
+    owner, side = np.divmod(rows_of(mesh.facet_corners, mesh.cells[:, ends].reshape(-1, ends.shape[1])), len(ends))
     halves = number[owner[:, None, None], sides[side]]
     return MeshArrays(
         points=points,
@@ -83,7 +83,7 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
     coarse, even = straightened(mesh), basix.LagrangeVariant.equispaced
     cell, shape = coarse.cell, coarse.cell.basix_type.name
     domain = ufl.Mesh(basix.ufl.element("Lagrange", shape, 1, even, shape=(cell.dim,)))
-    made = dmesh.create_mesh(mpi4py.MPI.COMM_SELF, cells=coarse.cells[:, cell.to_dolfinx], x=coarse.points, e=domain)
+    made = dmesh.create_mesh(mpi4py.MPI.COMM_SELF, cells=coarse.cells, x=coarse.points, e=domain)
     element = basix.ufl.element("Lagrange", shape, degree, even)
     dofs, lattice = fem.functionspace(made, element).dofmap.list, element.basix_element.points
     number: Ints = np.empty(dofs.shape, dtype=np.int64)
@@ -100,7 +100,7 @@ def _places(kind: Cell, corners: Floats, lattice: Floats) -> Ints:
     return np.asarray(places.reshape(nodes.shape[:-1]), dtype=np.int64)
 
 
-def _children(kind: Cell, corners: Ints) -> Floats:
+def _children(kind: Cell, corners: Floats) -> Floats:
     """The corners of each child of a cell or facet with some corners, shape (children, corners, d)."""
     count = len(corners)
     ends = [[(own, other) for other in range(count)] for own in range(count)]

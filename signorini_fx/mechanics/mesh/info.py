@@ -70,7 +70,7 @@ def _pieces(mesh: MeshArrays) -> int:
     from scipy.sparse.csgraph import connected_components
 
     sides = row_keys(sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
-    cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facets))
+    cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facet_nodes))
     count = len(mesh.cells) + int(sides.max()) + 1
     links = coo_array((np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count))
     return int(connected_components(links, directed=False)[0])

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import basix
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
 import numpy.typing as npt
@@ -20,8 +21,7 @@ from mpi4py import MPI
 
 from signorini_fx.errors import MeshError
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.mesh.files.cells import kind_of_mesh
-from signorini_fx.mechanics.mesh.files.size_field import SizeField, edges_of
+from signorini_fx.mechanics.mesh.files.size_field import SizeField
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_arrays
 from signorini_fx.tuned import SHORTEST_CHILD, SIZE_GROWTH
 
@@ -164,11 +164,10 @@ def shorter_lengths(
 
 def lengths_of_cells(tagged: TaggedMesh) -> Floats:
     """The mean length of the edges of each owned cell, shape (cells,)."""
-    kind, x = kind_of_mesh(tagged.mesh), tagged.mesh.geometry.x
-    assert kind is not None
     owned = tagged.mesh.topology.index_map(tagged.dimension).size_local
-    x = x[compat.geometry_cells(tagged.mesh)[:owned][:, kind.from_dolfinx]]
-    return np.asarray(np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges_of(kind)], axis=0))
+    x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)[:owned]]
+    edges = basix.topology(getattr(basix.CellType, tagged.mesh.topology.cell_name()))[1]
+    return np.asarray(np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in edges], axis=0))
 
 
 def size_fields(

@@ -240,14 +240,12 @@ def load_file(
 
 def curvature(tagged: TaggedMesh) -> float:
     """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
-    mesh = tagged.mesh
-    if compat.geometry_degree(mesh) != 2:  # higher ones come from the caller
+    from signorini_fx.mechanics.mesh.files import cells
+
+    if (kind := cells.kind_of_mesh(tagged.mesh)) is None:  # higher ones come from the caller
         return 0.0
-    cell = getattr(basix.CellType, mesh.topology.cell_name())
-    ends, corners = basix.topology(cell)[1], len(basix.geometry(cell))
-    x = mesh.geometry.x[compat.geometry_cells(mesh)][:, :, : tagged.dimension]
-    away = [x[:, corners + side] - (x[:, a] + x[:, b]) / 2 for side, (a, b) in enumerate(ends)]
-    return parallel.largest(mesh.comm, np.linalg.norm(away, axis=2))
+    x, nodes = tagged.mesh.geometry.x, compat.geometry_cells(tagged.mesh).astype(np.int64)
+    return parallel.global_max(tagged.mesh.comm, cells.curvature(x, nodes, kind))
 
 
 def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, sizes: Sizes = ()) -> TaggedMesh:
@@ -356,17 +354,16 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
     even = basix.ufl.element(
         "Lagrange", cell.basix_type.name, cell.degree, basix.LagrangeVariant.equispaced, shape=(cell.dim,)
     )
-    cells, facets = arrays.cells[:, cell.to_dolfinx], arrays.facets[:, facet.to_dolfinx]
-    mesh = dmesh.create_mesh(comm, cells=cells, x=arrays.points, e=ufl.Mesh(even))
+    mesh = dmesh.create_mesh(comm, cells=arrays.cells, x=arrays.points, e=ufl.Mesh(even))
     if mesh.geometry.index_map().size_global != nodes:
         raise MeshError("cells cross: a node in the middle of edges or faces belongs to two of them, or two to one")
-    tags = _meshtags(mesh, cell.dim - 1, facets, of_facet), _meshtags(mesh, cell.dim, cells, of_cell)
+    tags = _meshtags(mesh, cell.dim - 1, arrays.facets, of_facet), _meshtags(mesh, cell.dim, arrays.cells, of_cell)
     boundaries, regions = _plain(sides), _plain(parts)
     return TaggedMesh(mesh, tags[0], boundaries, tags[1] if parts else None, regions, left_out=astray)
 
 
 def _meshtags(mesh: dmesh.Mesh, dim: int, nodes: Ints, values: Ints) -> dmesh.MeshTags:
-    """Tags of entities, given on the first rank by their nodes in dolfinx's order; 0 is none."""
+    """Tags of entities, given on the first rank by their nodes; 0 is none."""
     has_tag = values > 0
     local, of_local = distribute_entity_data(mesh, dim, nodes[has_tag], values[has_tag].astype(np.int32))
     mesh.topology.create_connectivity(dim, 0)
@@ -388,7 +385,7 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     if kind is None:
         raise MeshError("the geometry of its cells has a degree above 2: give it one of 1 or 2")
     corners, count = len(CELLS[kind.facet].corners), mesh.topology.index_map(dim).size_local
-    cells = _global_nodes(mesh, compat.geometry_cells(mesh)[:count])[:, kind.from_dolfinx]
+    cells = _global_nodes(mesh, compat.geometry_cells(mesh)[:count])
     parts: Ints = np.empty((0, 2), dtype=np.int64)
     if tagged.cell_tags is not None:
         here = tagged.cell_tags.indices < count

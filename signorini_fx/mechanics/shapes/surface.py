@@ -99,9 +99,10 @@ def _read(file: Path, size: float | None) -> Any:
 
     mesh = read_file(file, degree=1, size=size, joined=True)
     if mesh.dim == 2:
-        return InThePlane(mesh.points, _rim(mesh.points, mesh.corners))
+        around = (0, 1, 2) if mesh.cell.word == "triangles" else (0, 1, 3, 2)
+        return InThePlane(mesh.points, _rim(mesh.points, mesh.corners[:, around]))
     faces = mesh.facet_corners
-    return InSpace(file, mesh.points, faces if faces.shape[1] == 3 else np.vstack((faces[:, :3], faces[:, [0, 2, 3]])))
+    return InSpace(file, mesh.points, faces if faces.shape[1] == 3 else np.vstack((faces[:, :3], faces[:, 1:])))
 
 
 def _stl(file: Path) -> tuple[Array, Rows]:

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Cell, Floats, Ints, check_shape, completed, dimension, family
+from signorini_fx.mechanics.mesh.files.cells import (
+    CELLS,
+    Cell,
+    Floats,
+    Ints,
+    check_shape,
+    completed,
+    dimension,
+    family,
+    order_in,
+)
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.tuned import LARGEST_NUMBER
 
@@ -85,8 +95,8 @@ class MeshArrays:
 
     points: Floats  # positions of the nodes, each of which belongs to a cell, shape (n, d)
     kind: str  # a kind of cell of ``CELLS``, of d dimensions
-    cells: Ints  # nodes of each cell in the order of its kind, shape (m, k)
-    # nodes of each exterior facet, and of named ones inside the body, in the order of their kind, shape (f, l)
+    cells: Ints  # nodes of each cell, shape (m, k)
+    # nodes of each exterior facet, and of named ones inside the body, shape (f, l)
     facets: Ints
     boundaries: Mapping[str, Ints]  # name -> rows of ``facets``, sorted; boundaries may overlap
     regions: Mapping[str, Ints]  # name -> rows of ``cells``, sorted; regions may overlap
@@ -116,7 +126,7 @@ class MeshArrays:
 
     @property
     def facet_corners(self) -> Ints:
-        """Corners of each facet along its perimeter, shape (f, c)."""
+        """Corners of each facet, shape (f, c)."""
         return self.facets[:, : len(self.facet.corners)]
 
     @property
@@ -157,10 +167,13 @@ def from_raw(
     kind, body = _body(raw, name)
     if any(nodes.size and not 0 <= nodes.min() <= nodes.max() < len(raw.points) for _, nodes in raw.blocks):
         raise MeshError(f"{name}: an element has a node that does not exist")
-    if (full_cell := completed(kind)) is not None:
-        raw, kind = _complete(raw, body, *full_cell)
-    cell = CELLS[kind]
-    points, cells, renumber = _points_of(raw, body, cell.dim, name)
+    table, positions = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64), raw.points
+    full_cell = completed(kind)
+    cell = CELLS[kind] if full_cell is None else full_cell[0]
+    table = table[:, order_in("vtk", cell)[: table.shape[1]]]
+    if full_cell is not None:
+        positions, table = _complete(positions, table, *full_cell)
+    points, cells, renumber = _points_of(positions, table, cell.dim, name)
     corners = cells[:, : len(cell.corners)]
     check_shape(points, cells, cell, name)
     width = len(CELLS[cell.facet].corners)
@@ -206,7 +219,7 @@ def from_raw(
         astray |= {label: count for label, count in missed.items() if count}
     if problems:
         raise SceneError(problems)
-    return MeshArrays(points, kind, cells, facets, names, names_of_parts, astray, len(facets) - len(exterior))
+    return MeshArrays(points, cell.kind, cells, facets, names, names_of_parts, astray, len(facets) - len(exterior))
 
 
 @dataclass(frozen=True)
@@ -298,21 +311,19 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
     return kind, [n for n, (k, _) in enumerate(raw.blocks) if k == kind]
 
 
-def _points_of(raw: RawMesh, body: list[int], dim: int, name: str) -> tuple[Floats, Ints, Ints]:
+def _points_of(positions: Floats, cells: Ints, dim: int, name: str) -> tuple[Floats, Ints, Ints]:
     """Points that cells use, the cells in their numbers, and the new number of every point (-1: dropped)."""
-    cells = np.concatenate([raw.blocks[n][1] for n in body]).astype(np.int64, copy=False)
-    count = len(raw.points)
-    used = np.zeros(count, dtype=bool)
+    used = np.zeros(len(positions), dtype=bool)
     used[cells] = True
     renumber = np.where(used, np.cumsum(used) - 1, -1)
-    points = np.asarray(raw.points, dtype=np.float64)[used]
+    points = np.asarray(positions, dtype=np.float64)[used]
     if not (np.abs(points) <= LARGEST_NUMBER).all():
         raise MeshError(f"{name}: a node has coordinates that are not finite, or larger than {LARGEST_NUMBER:g}")
     if points.shape[1] < dim:
         raise MeshError(f"{name}: the cells are those of a body in 3D, but the nodes have no third coordinate")
     if dim == 2 and points.shape[1] > 2:
         _check_plane(points, name)
-    return np.ascontiguousarray(points[:, :dim]), cells if used.all() else renumber[cells], renumber
+    return np.ascontiguousarray(points[:, :dim]), renumber[cells], renumber
 
 
 def _check_plane(points: Floats, name: str) -> None:
@@ -328,33 +339,27 @@ def _check_plane(points: Floats, name: str) -> None:
     )
 
 
-def _complete(raw: RawMesh, body: list[int], cell: Cell, weights: Floats) -> tuple[RawMesh, str]:
-    """The raw mesh with the nodes in the middle of faces that its cells lack, joined where cells meet."""
-    incomplete = np.concatenate([raw.blocks[n][1] for n in body])
-    node_count = incomplete.shape[1]
-    new = cell.nodes[node_count:]
+def _complete(points: Floats, cells: Ints, cell: Cell, weights: Floats) -> tuple[Floats, Ints]:
+    """Points and cells with the nodes in the middle of faces that the cells lack, joined where cells meet."""
+    new = cell.nodes[cells.shape[1] :]
     # A face is identified by its corners, a cell by its number.
-    faces = np.concatenate([np.empty((0, 4), np.int64), *(incomplete[:, list(corners)] for corners in new[:-1])])
+    faces = np.concatenate([np.empty((0, 4), np.int64), *(cells[:, list(corners)] for corners in new[:-1])])
     first, number = np.unique(row_keys(faces), return_index=True, return_inverse=True)[1:]
-    inside = len(first) + np.arange(len(incomplete))
-    added = np.column_stack((number.reshape(len(new) - 1, len(incomplete)).T, inside)) + len(raw.points)
-    x = np.einsum("nt,ctd->cnd", weights[node_count:], np.asarray(raw.points, dtype=np.float64)[incomplete])
-    points = np.concatenate((raw.points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1]))
-    blocks, start = list(raw.blocks), 0
-    for n in body:
-        rows = slice(start, start := start + len(raw.blocks[n][1]))
-        blocks[n] = (cell.kind, np.column_stack((incomplete[rows], added[rows])))
-    return replace(raw, points=points, blocks=blocks), cell.kind
+    inside = len(first) + np.arange(len(cells))
+    added = np.column_stack((number.reshape(len(new) - 1, len(cells)).T, inside)) + len(points)
+    x = np.einsum("nt,ctd->cnd", weights[cells.shape[1] :], np.asarray(points, dtype=np.float64)[cells])
+    points = np.concatenate((points, x[:, :-1].transpose(1, 0, 2).reshape(-1, x.shape[2])[first], x[:, -1]))
+    return points, np.column_stack((cells, added))
 
 
 def sides_of(cells: Ints, cell: Cell) -> Ints:
     """Nodes of all facets of all cells, cell by cell, shape (facets of each * m, nodes of a facet)."""
-    return cells[:, np.array(cell.facet_nodes)].reshape(-1, len(cell.facet_nodes[0]))
+    return cells[:, cell.facet_nodes].reshape(-1, cell.facet_nodes.shape[1])
 
 
 def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
     """The facets that belong to one cell only, in the order of the cells."""
-    facet_nodes = np.array(cell.facet_nodes)
+    facet_nodes = cell.facet_nodes
     corners = facet_nodes[:, : len(CELLS[cell.facet].corners)]
     keys = row_keys(cells[:, corners].reshape(-1, corners.shape[1]))
     counts = np.bincount(keys)

@@ -1,7 +1,4 @@
-"""The kinds of elements in mesh files, their corners, nodes and facets, and the order of each; measure and validity.
-
-The order is that of meshio and VTK: corners, then the nodes in the middle of edges, of faces, of the cell.
-"""
+"""The kinds of elements in meshes, whose corners, nodes and facets have the order of dolfinx; measure and validity."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signorini_fx.errors import MeshError
-from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER
+from signorini_fx.tuned import SAME_NUMBER
 
 Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
@@ -34,109 +31,69 @@ class Cell:
 
     kind: str  # in meshio's words
     word: str  # the plural for messages
-    corners: tuple[Corners, ...]  # their places on the reference cell, whole numbers, shape (corners, dim)
-    # for each node the corners that it is in the middle of; a corner is in the middle of itself
-    nodes: tuple[Corners, ...]
-    facets: tuple[Corners, ...]  # corners of each facet, along its perimeter
+    basix_type: basix.CellType
+    degree: int  # of the geometry
     facet: str  # kind of the facets, "" for an element that is a line
     gmsh: int  # number of gmsh
 
     @property
     def dim(self) -> int:
         """Topological dimension."""
-        return len(self.corners[0])
-
-    @property
-    def degree(self) -> int:
-        """Polynomial degree of the geometry."""
-        return 1 if len(self.nodes) == len(self.corners) else 2
-
-    @property
-    def simplex(self) -> bool:
-        """Whether the cell has one corner more than dimensions."""
-        return len(self.corners) == self.dim + 1
+        return self.corners.shape[1]
 
     @cached_property
-    def facet_nodes(self) -> tuple[Corners, ...]:
-        """Nodes of each facet, in the order of the kind of the facets."""
-        node_of = {frozenset(corners): node for node, corners in enumerate(self.nodes)}
-        pattern = CELLS[self.facet].nodes
-        return tuple(
-            tuple(node_of[frozenset(facet[c] for c in corners)] for corners in pattern) for facet in self.facets
-        )
-
-    @property
-    def basix_type(self) -> basix.CellType:
-        """The shape in basix's words."""
-        four = "quadrilateral" if self.dim == 2 else "tetrahedron"
-        return basix.CellType[{2: "interval", 3: "triangle", 4: four, 8: "hexahedron"}[len(self.corners)]]
+    def corners(self) -> Floats:
+        """Their places on the reference cell, shape (corners, dim)."""
+        return np.asarray(basix.geometry(self.basix_type))
 
     @cached_property
+    def edges(self) -> list[list[int]]:
+        """The ends of each edge, by the numbers of its corners."""
+        return list(basix.topology(self.basix_type)[1])
+
+    @cached_property
+    def nodes(self) -> list[Corners]:
+        """For each node the corners that it is in the middle of; a corner is in the middle of itself."""
+        entities = enumerate(basix.topology(self.basix_type))
+        middles = [tuple(corners) for dim, of_dim in entities for corners in of_dim if len(corners) == 2**dim]
+        return middles[: len(self.places)]
+
+    @property
+    def facet_nodes(self) -> Ints:
+        """Nodes of each facet in the order of the kind of the facets, shape (facets, nodes of each)."""
+        return np.array(self._element.entity_closure_dofs[self.dim - 1])
+
+    @property
     def places(self) -> Floats:
         """Its nodes on the reference cell, shape (nodes, dim)."""
-        return np.array([np.mean([self.corners[c] for c in corners], axis=0) for corners in self.nodes])
+        return np.asarray(self._element.points)
 
     @cached_property
     def _element(self) -> Any:
         even = basix.LagrangeVariant.equispaced
         return basix.create_element(basix.ElementFamily.P, self.basix_type, self.degree, even)
 
-    @cached_property
-    def from_dolfinx(self) -> Ints:
-        """Each node is the one with this number in basix and dolfinx."""
-        return np.asarray(np.abs(self._element.points - self.places[:, None]).sum(axis=2).argmin(axis=1))
-
-    @property
-    def to_dolfinx(self) -> Ints:
-        """Node k of dolfinx is the node with this number here."""
-        return np.asarray(np.argsort(self.from_dolfinx), dtype=np.int64)
-
     def shape(self, x: Floats) -> Floats:
         """Shape functions at places of the reference cell, shape (places, dim) -> (places, nodes)."""
         # At nodes they are 0 and 1 but for round-off, with which a node would leave an axis of symmetry.
-        return np.asarray(self._element.tabulate(0, x)[0, :, self.from_dolfinx, 0].T.round(_DIGITS))
+        return np.asarray(self._element.tabulate(0, x)[0, :, :, 0].round(_DIGITS))
 
     def gradient(self, x: Floats) -> Floats:
         """Their derivatives, shape (places, dim) -> (dim, places, nodes)."""
-        return np.asarray(self._element.tabulate(1, x)[1:, :, self.from_dolfinx, 0])
-
-
-_SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
-_TRIANGLE = ((0, 0), (1, 0), (0, 1))
-_TETRAHEDRON = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
-_CUBE = (*((*c, 0) for c in _SQUARE), *((*c, 1) for c in _SQUARE))
-_AROUND_3: tuple[Corners, ...] = ((0, 1), (1, 2), (2, 0))
-_AROUND_4: tuple[Corners, ...] = ((0, 1), (1, 2), (2, 3), (3, 0))
-_EDGES_4: tuple[Corners, ...] = (*_AROUND_3, (0, 3), (1, 3), (2, 3))
-_EDGES_8: tuple[Corners, ...] = (*_AROUND_4, (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
-_FACES_4: tuple[Corners, ...] = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
-# The order of VTK's hexahedra of 27 nodes.
-_FACES_8: tuple[Corners, ...] = ((0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7))
-
-
-def _made(kind: str, corners: tuple[Corners, ...], between: tuple[Corners, ...], gmsh: int) -> Cell:
-    word, facets, straight = {
-        2: ("lines", ((0,), (1,)), ""),
-        3: ("triangles", _AROUND_3, "line"),
-        4: ("quadrilaterals", _AROUND_4, "line") if len(corners[0]) == 2 else ("tetrahedra", _FACES_4, "triangle"),
-        8: ("hexahedra", _FACES_8, "quad"),
-    }[len(corners)]
-    curved = {"line": "line3", "triangle": "triangle6", "quad": "quad9", "": ""}[straight] if between else straight
-    nodes = (*((c,) for c in range(len(corners))), *between)
-    return Cell(kind, word, corners, nodes, facets, curved, gmsh)
+        return np.asarray(self._element.tabulate(1, x)[1:, :, :, 0])
 
 
 _KINDS = (
-    _made("line", ((0,), (1,)), (), 1),
-    _made("line3", ((0,), (1,)), ((0, 1),), 8),
-    _made("triangle", _TRIANGLE, (), 2),
-    _made("triangle6", _TRIANGLE, _AROUND_3, 9),
-    _made("quad", _SQUARE, (), 3),
-    _made("quad9", _SQUARE, (*_AROUND_4, (0, 1, 2, 3)), 10),
-    _made("tetra", _TETRAHEDRON, (), 4),
-    _made("tetra10", _TETRAHEDRON, _EDGES_4, 11),
-    _made("hexahedron", _CUBE, (), 5),
-    _made("hexahedron27", _CUBE, (*_EDGES_8, *_FACES_8, tuple(range(8))), 12),
+    Cell("line", "lines", basix.CellType.interval, 1, "", 1),
+    Cell("line3", "lines", basix.CellType.interval, 2, "", 8),
+    Cell("triangle", "triangles", basix.CellType.triangle, 1, "line", 2),
+    Cell("triangle6", "triangles", basix.CellType.triangle, 2, "line3", 9),
+    Cell("quad", "quadrilaterals", basix.CellType.quadrilateral, 1, "line", 3),
+    Cell("quad9", "quadrilaterals", basix.CellType.quadrilateral, 2, "line3", 10),
+    Cell("tetra", "tetrahedra", basix.CellType.tetrahedron, 1, "triangle", 4),
+    Cell("tetra10", "tetrahedra", basix.CellType.tetrahedron, 2, "triangle6", 11),
+    Cell("hexahedron", "hexahedra", basix.CellType.hexahedron, 1, "quad", 5),
+    Cell("hexahedron27", "hexahedra", basix.CellType.hexahedron, 2, "quad9", 12),
 )
 CELLS = {cell.kind: cell for cell in _KINDS}
 
@@ -149,14 +106,14 @@ def kind_of_mesh(mesh: Any) -> Cell | None:
     return next((cell for cell in CELLS.values() if (cell.basix_type.name, cell.degree) == (word, degree)), None)
 
 
-def order_in_gmsh(kind: Cell) -> Ints:
-    """Node k here is the node with this number in gmsh."""
+def order_in(program: str, kind: Cell) -> Ints:
+    """Node k of an element is that with this number in ``gmsh``, or in ``vtk``, as meshio has it."""
     import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
     from dolfinx.io import utils
     from dolfinx.mesh import to_type
 
-    order = utils.cell_perm_gmsh(to_type(kind.basix_type.name), len(kind.nodes))
-    return np.asarray(order)[kind.from_dolfinx]
+    order = utils.cell_perm_gmsh if program == "gmsh" else utils.cell_perm_vtk
+    return np.asarray(order(to_type(kind.basix_type.name), len(kind.nodes)), dtype=np.int64)
 
 
 def straight(cell: Cell) -> Cell:
@@ -231,13 +188,10 @@ def _jacobian(points: Floats, nodes: Ints, cell: Cell, x: Floats) -> Floats:
     return np.asarray(np.einsum("jqk,mkd->mqdj", cell.gradient(x), points[nodes], optimize=True))
 
 
-def is_straight(points: Floats, cells: Ints, cell: Cell) -> bool:
-    """Whether all nodes between corners are where those of straight cells would be."""
-    limit = SAME_LENGTH * float(np.linalg.norm(np.ptp(points, axis=0)))
-    return all(
-        bool((np.abs(points[cells[:, k]] - points[cells[:, list(corners)]].mean(axis=1)) <= limit).all())
-        for k, corners in enumerate(cell.nodes)
-    )
+def curvature(points: Floats, cells: Ints, cell: Cell) -> float:
+    """The largest distance of a node between corners from where that of a straight cell would be, a length."""
+    away = [points[cells[:, k]] - points[cells[:, list(ends)]].mean(axis=1) for k, ends in enumerate(cell.nodes)]
+    return float(np.linalg.norm(away, axis=2).max(initial=0.0))
 
 
 def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:

@@ -17,11 +17,12 @@ import numpy as np
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.extensions import add_on
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, RawMesh, Selection, from_raw
-from signorini_fx.mechanics.mesh.files.cells import is_straight, kind_of_mesh
+from signorini_fx.mechanics.mesh.files.cells import curvature, kind_of_mesh, order_in
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, read_gmsh
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes
 from signorini_fx.mechanics.mesh.halving import halved, straightened
 from signorini_fx.mechanics.statement.mesh_sources import DRAWN
+from signorini_fx.tuned import SAME_LENGTH
 
 _FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
 
@@ -73,7 +74,9 @@ def read_file(
     if suffix in DRAWN:
         drawn = read_gmsh(file, named, halvings, degree, size, sizes, joined=joined)
         # Nodes between the corners are for curves.
-        return straightened(drawn) if degree == 2 and is_straight(drawn.points, drawn.cells, drawn.cell) else drawn
+        near = SAME_LENGTH * float(np.linalg.norm(np.ptp(drawn.points, axis=0)))
+        straight = degree == 2 and curvature(drawn.points, drawn.cells, drawn.cell) <= near
+        return straightened(drawn) if straight else drawn
     if suffix == ".msh":
         mesh = read_gmsh(file, named)
     else:
@@ -152,7 +155,7 @@ def _of_dolfinx(file: Path, names: list[str]) -> RawMesh:
         all_tags = {name: xdmf.read_meshtags(mesh, name=name) for name in names[1:]}
     if kind is None:
         raise ValueError("its cells have a degree above 2")
-    cells = compat.geometry_cells(mesh)[:, kind.from_dolfinx]
+    cells = compat.geometry_cells(mesh)[:, np.argsort(order_in("vtk", kind))]
     raw = RawMesh(mesh.geometry.x, [(kind.kind, cells.astype(np.int64))])
     of_facets = {name: tags for name, tags in all_tags.items() if tags.dim == dim - 1}
     for tags in of_facets.values():

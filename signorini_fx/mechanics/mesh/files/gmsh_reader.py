@@ -13,7 +13,7 @@ import numpy as np
 
 from signorini_fx.errors import InstallationError, MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Numbering, RawMesh
-from signorini_fx.mechanics.mesh.files.cells import CELLS, Ints, completed, order_in_gmsh
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Ints, completed, order_in
 from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
@@ -157,10 +157,10 @@ def content(gmsh: Any) -> RawMesh:
 
 
 def _order(kind: str, count: int) -> Any:
-    """Node k of an element here is the node with this number in gmsh."""
+    """Node k of an element of meshio is the node with this number in gmsh."""
     full_cell = completed(kind)
     cell = CELLS.get(kind) if full_cell is None else full_cell[0]
-    return np.arange(count) if cell is None else order_in_gmsh(cell)[:count]
+    return np.arange(count) if cell is None else order_in("gmsh", cell)[np.argsort(order_in("vtk", cell))][:count]
 
 
 def _check_ends(file: Path, form: str) -> None:

@@ -8,19 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.cells import Cell, Floats, Ints
+from signorini_fx.mechanics.mesh.files.cells import CELLS, Floats, Ints, order_in
 from signorini_fx.mechanics.statement.mesh_sources import ContactSize
 from signorini_fx.tuned import LONGEST_FACET, SIZE_GROWTH
 
-# gmsh's words for the elements of a view, by their dimension and the number of their corners.
-_VIEWS = {(2, 3): "ST", (2, 4): "SQ", (3, 4): "SS", (3, 8): "SH"}
+# gmsh's words for the elements of a view.
+_VIEWS = {"triangle": "ST", "quad": "SQ", "tetra": "SS", "hexahedron": "SH"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +27,7 @@ class SizeField:
     """Lengths of cells at the corners of a mesh."""
 
     points: Floats  # positions, shape (n, d)
-    cells: Ints  # corners of each cell in gmsh's order, shape (m, c)
+    cells: Ints  # corners of each cell, shape (m, c)
     sizes: Floats  # length of the cells at each point, shape (n,)
 
     def apply(self, gmsh: Any, unit: float = 1.0) -> None:
@@ -39,14 +38,16 @@ class SizeField:
             unit: length of the model's unit.
         """
         dim = self.points.shape[1]
+        kind = next(cell for cell in CELLS.values() if cell.corners.shape == (self.cells.shape[1], dim))
+        cells = self.cells[:, np.argsort(order_in("gmsh", kind))]
         x = np.zeros((len(self.points), 3))
         x[:, :dim] = self.points / unit
         # Cells that are divided in the end are twice as long before.
         halved = gmsh.option.getNumber("Mesh.SubdivisionAlgorithm") > 0
         values = self.sizes / unit * (2.0 if halved else 1.0)
-        rows = np.concatenate([x[self.cells].transpose(0, 2, 1).reshape(len(self.cells), -1), values[self.cells]], 1)
+        rows = np.concatenate([x[cells].transpose(0, 2, 1).reshape(len(cells), -1), values[cells]], 1)
         view = gmsh.view.add("sizes")
-        gmsh.view.addListData(view, _VIEWS[dim, self.cells.shape[1]], len(self.cells), rows.ravel())
+        gmsh.view.addListData(view, _VIEWS[kind.kind], len(cells), rows.ravel())
         fields = gmsh.model.mesh.field
         number = fields.add("PostView")
         fields.setNumber(number, "ViewTag", view)
@@ -117,7 +118,7 @@ def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
 
     used, corners = np.unique(mesh.corners, return_inverse=True)
     cells, points = corners.reshape(mesh.corners.shape), mesh.points[used]
-    ends = np.concatenate([cells[:, pair] for pair in edges_of(mesh.cell)])
+    ends = np.concatenate([cells[:, pair] for pair in mesh.cell.edges])
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     total = np.bincount(ends.ravel(), np.repeat(lengths, 2), minlength=used.size)
     sizes = total / np.bincount(ends.ravel(), minlength=used.size)
@@ -128,14 +129,7 @@ def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
     return SizeField(points, cells, sizes)
 
 
-def edges_of(cell: Cell) -> list[list[int]]:
-    """The ends of each edge of a cell, by the numbers of its corners."""
-    pairs = combinations(range(len(cell.corners)), 2)
-    ends = np.array(cell.corners)
-    return [list(pair) for pair in pairs if cell.simplex or np.abs(ends[pair[0]] - ends[pair[1]]).sum() == 1]
-
-
 def _longest_edges(mesh: MeshArrays, boundary: str) -> Floats:
     """The longest edge of each facet of a boundary, shape (f,)."""
     x = mesh.points[mesh.facet_corners[mesh.boundaries[boundary]]]
-    return np.asarray(np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1))
+    return np.asarray(np.max([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in mesh.facet.edges], axis=0))
