@@ -13,11 +13,10 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import contact_table
-from signorini_fx.mechanics.mesh.refinement import moved_back, size_fields
+from signorini_fx.mechanics.mesh.refinement import size_fields
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, generate_mesh, load_file
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile, MeshGenerator, contact_sizes
-from signorini_fx.mechanics.statement.rigid_shape import turning
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.records import History
 from signorini_fx.results.accuracy.error_estimates import Errors, combined, estimate_errors
@@ -107,14 +106,11 @@ class MeshedScene(MeshedProblem):
         assert self.plan is not None
         dim, first, made = last.dimension, with_cells_alike(self.plan.scene), list[TaggedMesh]()
         parts = [last.cells(body.name) for body in first.body] or [np.arange(len(lengths), dtype=np.int32)]
-        for number, of_part in enumerate(size_fields(last, lengths, parts, finer)):
+        for number, field in enumerate(size_fields(last, lengths, parts, finer)):
             table: Any = first.mesh
-            field = of_part
             if first.body:
                 body, table = first.body[number], first.body[number].mesh
-                pivot, shift = (np.array(vector or (0.0,) * dim) for vector in (body.pivot, body.shift))
-                turned = np.eye(dim) if body.rotation is None else turning(body.rotation, dim)
-                field = moved_back(of_part, turned, pivot, shift)
+                field = replace(field, points=body.moved_back(field.points))
             if isinstance(table, MeshGenerator):
                 made.append(generate_mesh(table.generator, table.parameters, self.comm, field))
             else:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
 from signorini_fx.errors import MeshError, SceneError
@@ -16,9 +15,6 @@ from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.halving import quadratic
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, from_arrays
 from signorini_fx.mechanics.statement.mesh_sources import Body, MeshFile, MeshGenerator
-from signorini_fx.mechanics.statement.rigid_shape import turning
-
-Floats = npt.NDArray[np.float64]
 
 
 def together(bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh], comm: MPI.Comm) -> TaggedMesh:
@@ -71,7 +67,7 @@ def _joined(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> MeshArrays:
     regions = _named(names, [mesh.regions for mesh in meshes], first_cell)
     whole = {name: np.arange(first_cell[k], first_cell[k + 1]) for k, name in enumerate(names)}
     return MeshArrays(
-        points=np.concatenate([_placed(mesh, body) for mesh, body in zip(meshes, bodies, strict=True)]),
+        points=np.concatenate([body.moved_points(mesh.points) for mesh, body in zip(meshes, bodies, strict=True)]),
         kind=meshes[0].kind,
         cells=np.concatenate([mesh.cells + first for mesh, first in zip(meshes, first_point, strict=False)]),
         facets=np.concatenate([mesh.facets + first for mesh, first in zip(meshes, first_point, strict=False)]),
@@ -91,15 +87,6 @@ def _named(bodies: Sequence[str], named: Sequence[Mapping[str, Any]], firsts: Se
             if count[name] == 1 and name not in bodies:
                 result[name] = rows + first
     return result
-
-
-def _placed(mesh: MeshArrays, body: Body) -> Floats:
-    """The points of a body where the scene puts it."""
-    pivot = np.array(body.pivot or (0.0,) * mesh.dim)
-    x = mesh.points
-    if body.rotation is not None:
-        x = (x - pivot) @ turning(body.rotation, mesh.dim).T + pivot
-    return np.asarray(x + np.array(body.shift or (0.0,) * mesh.dim))
 
 
 def _origin(mesh: Any) -> dict[str, Any]:
@@ -129,15 +116,10 @@ def _check_alike(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> None:
                 f"kind of cell. Generators have a parameter 'cell'; gmsh makes {simplices} of a drawing without "
                 "Recombine, ParaView's filter Tetrahedralize of any file"
             )
-    problems = []
-    for number, body in enumerate(bodies):
-        where = "the mesh is plane" if first.dim == 2 else "the mesh is in 3D"
-        for key in ("shift", "pivot"):
-            vector = getattr(body, key)
-            if vector is not None and len(vector) != first.dim:
-                problems.append((f"body[{number}].{key}", f"{where}: give {first.dim} numbers, not {len(vector)}"))
-        if body.rotation is not None and isinstance(body.rotation, tuple) != (first.dim == 3):
-            wanted = "an angle" if first.dim == 2 else "three numbers, the axis"
-            problems.append((f"body[{number}].rotation", f"{where}: give {wanted}"))
+    problems = [
+        (f"body[{number}].{key}", reason)
+        for number, body in enumerate(bodies)
+        for key, reason in body.placing_contradictions(first.dim)
+    ]
     if problems:
         raise SceneError(problems)

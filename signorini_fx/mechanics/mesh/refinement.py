@@ -249,8 +249,3 @@ def _graded(x: Floats, sizes: Floats) -> Floats:
             distance, nearest = cKDTree(x[short]).query(x[longer])
             graded[longer] = np.minimum(graded[longer], graded[short][nearest] + SIZE_GROWTH * distance)
     return graded
-
-
-def moved_back(field: SizeField, turning: Floats, pivot: Floats, shift: Floats) -> SizeField:
-    """The field where the body is before it is turned and moved to its place."""
-    return replace(field, points=np.asarray((field.points - shift - pivot) @ turning + pivot))

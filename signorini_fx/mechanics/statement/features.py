@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.effect import Contradictions, Keys
 from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.rigid_motion import MESH_IS
 
 REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
     "mixed element": {
@@ -104,8 +105,7 @@ def refused_features(statement: Any) -> Contradictions:
 
 # --- keys that are not allowed in 2D or in 3D: the mesh decides which of the two the scene is ---
 
-_PLANE = "the mesh is plane"
-_SPACE = "the mesh is in 3D"
+_PLANE, _SPACE = MESH_IS[2], MESH_IS[3]
 # The tables whose component z is out of the section of a body that moves there, see ``Kinematics.out_of_section``.
 _AROUND = ("displacement", "traction", "force", "body_force", "springs")
 
@@ -116,7 +116,7 @@ def dimension_problems(statement: Any, dimension: int) -> list[tuple[str, str]]:
 
 
 def _everywhere(statement: Any, dimension: int) -> Iterator[tuple[str, str]]:
-    where = _PLANE if dimension == 2 else _SPACE
+    where = MESH_IS[dimension]
     for path, effect in statement.listed():
         for key in effect.vectors:
             vector = getattr(effect, key)

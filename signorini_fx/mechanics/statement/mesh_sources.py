@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, Field, InstanceOf, field_validator
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.generators import found_generator, types_of
+from signorini_fx.mechanics.statement.rigid_shape import Placed
 from signorini_fx.mechanics.statement.values import Finite, Positive, Selection, Vector, kind_of
 
 # Files that gmsh meshes: its scripts, and CAD drawings.
@@ -120,7 +121,7 @@ def one_mesh(entry: Any) -> Any:
 OneMesh = Annotated[MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase], BeforeValidator(one_mesh)]
 
 
-class Body(Table):
+class Body(Placed, Table):
     """One of several bodies, with a mesh of its own, which is turned and then moved to its place.
 
     Attributes:

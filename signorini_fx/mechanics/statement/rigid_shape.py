@@ -19,7 +19,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -62,7 +62,65 @@ def normalised(vectors: Array, otherwise: Array) -> tuple[Array, Array]:
     return size, np.where(size[:, None] > 0, vectors / np.maximum(size, 1e-300)[:, None], otherwise)
 
 
-class Shape(RigidMotion):
+def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
+    """The matrix of a rotation in degrees, counterclockwise, shape (d, d); in 3D about the axis [a, b, c] by the length
+    of this vector.
+    """
+    if isinstance(rotation, tuple):
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_rotvec(np.radians(rotation)).as_matrix())
+    if rotation == 0.0:
+        return np.eye(dimension)
+    cosine, sine = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
+class Placed:
+    """What is turned about a pivot and then moved by a shift: a table with these keys, a shape or a body."""
+
+    if TYPE_CHECKING:
+        shift: Any
+        rotation: Any
+        pivot: Any
+
+    def placing_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
+        """Vectors that do not fit the dimension of the mesh, and why."""
+        where, entries = MESH_IS[dimension], dict[str, Any](self)
+        for key, value in entries.items():
+            vector = isinstance(value, tuple) and key not in ("rotation", "moment") and not isinstance(value[0], tuple)
+            if vector and len(value) != dimension:
+                yield key, f"{where}: give {dimension} numbers, not {len(value)}"
+        if self.rotation is not None and isinstance(self.rotation, tuple) != (dimension == 3):
+            yield "rotation", f"{where}: give " + ("an angle" if dimension == 2 else "three numbers, the axis")
+
+    def moved_back(self, x: Array) -> Array:
+        """Where points of it were before it was turned and moved, shape (n, d)."""
+        moved, pivot = self._translations(x.shape[1])
+        return np.asarray((x - moved - pivot) @ self.turn_matrix(x.shape[1]) + pivot)
+
+    def moved_points(self, x: Array) -> Array:
+        """Where its points are after that, shape (n, d)."""
+        moved, pivot = self._translations(x.shape[1])
+        return np.asarray((x - pivot) @ self.turn_matrix(x.shape[1]).T + pivot + moved)
+
+    def _translations(self, dimension: int) -> tuple[Array, Array]:
+        """Its shift and its pivot, shapes (d,)."""
+        zero = np.zeros(dimension)
+        shift = zero if self.shift is None else np.array([number(component) for component in self.shift])
+        return shift, zero if self.pivot is None else np.array(self.pivot)
+
+    def turn_matrix(self, dimension: int) -> Array:
+        """The matrix of its rotation, shape (d, d)."""
+        return turning(self.angles(), dimension)
+
+    def angles(self) -> float | tuple[float, ...]:
+        """Its rotation as numbers, degrees."""
+        rotation = self.rotation
+        return tuple(map(number, rotation)) if isinstance(rotation, tuple) else number(rotation or 0.0)
+
+
+class Shape(Placed, RigidMotion):
     """A rigid foundation that is a thing: the body is outside of it, or inside where it is hollow.
 
     Attributes:
@@ -110,13 +168,7 @@ class Shape(RigidMotion):
         if dimension not in self.exists_in:
             yield "shape", f"{where}: there is no {self.shape}"
             return
-        for key in type(self).model_fields:
-            value = getattr(self, key)
-            vector = isinstance(value, tuple) and key not in ("rotation", "moment") and not isinstance(value[0], tuple)
-            if vector and len(value) != dimension:
-                yield key, f"{where}: give {dimension} numbers, not {len(value)}"
-        if self.rotation is not None and isinstance(self.rotation, tuple) != (dimension == 3):
-            yield "rotation", f"{where}: give " + ("an angle" if dimension == 2 else "three numbers, the axis")
+        yield from self.placing_contradictions(dimension)
         yield from self.motion_contradictions(dimension)
 
     def turning_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
@@ -148,7 +200,7 @@ class Shape(RigidMotion):
         """The signed distance of points of shape (n, d), length, shape (n,), and the outward normal of the foundation
         at the closest point, shape (n, d).
         """
-        signed, normal = self.initial(self._moved_back(x))
+        signed, normal = self.initial(self.moved_back(x))
         normal = normal @ self.turn_matrix(x.shape[1]).T
         return (-signed, -normal) if self.hollow else (signed, normal)
 
@@ -156,11 +208,11 @@ class Shape(RigidMotion):
         """How far its closest points have moved since it was placed like ``earlier``, length, shape (n, d)."""
         signed, normal = self.distance(x)
         closest = x - signed[:, None] * normal
-        return closest - earlier.moved_points(self._moved_back(closest))
+        return closest - earlier.moved_points(self.moved_back(closest))
 
     def carried_from(self, earlier: Shape, x: Array) -> Array:
         """How far points that are fixed to it have moved since they were at x, length, shape (n, d)."""
-        return self.moved_points(earlier._moved_back(x)) - x
+        return self.moved_points(earlier.moved_back(x)) - x
 
     def turned_from(self, earlier: Shape, dimension: int) -> Array:
         """The rotation since it was placed like ``earlier``, shape (d, d)."""
@@ -173,45 +225,6 @@ class Shape(RigidMotion):
         before, now = (np.zeros(3 if dimension == 3 else 1) + np.array(shape.angles()) for shape in (earlier, self))
         shift, turn = ((1 - share) * begun + share * moved).tolist(), ((1 - share) * before + share * now).tolist()
         return self.model_copy(update={"shift": tuple(shift), "rotation": tuple(turn) if dimension == 3 else turn[0]})
-
-    def _moved_back(self, x: Array) -> Array:
-        """Where points of it were before it was turned and moved."""
-        moved, pivot = self._translations(x.shape[1])
-        return np.asarray((x - moved - pivot) @ self.turn_matrix(x.shape[1]) + pivot)
-
-    def moved_points(self, x: Array) -> Array:
-        """Where its points are after that."""
-        moved, pivot = self._translations(x.shape[1])
-        return np.asarray((x - pivot) @ self.turn_matrix(x.shape[1]).T + pivot + moved)
-
-    def _translations(self, dimension: int) -> tuple[Array, Array]:
-        """Its shift and its pivot, shapes (d,)."""
-        zero = np.zeros(dimension)
-        shift = zero if self.shift is None else np.array([number(component) for component in self.shift])
-        return shift, zero if self.pivot is None else np.array(self.pivot)
-
-    def turn_matrix(self, dimension: int) -> Array:
-        """The matrix of its rotation, shape (d, d)."""
-        return turning(self.angles(), dimension)
-
-    def angles(self) -> float | tuple[float, ...]:
-        """Its rotation as numbers, degrees."""
-        rotation = self.rotation
-        return tuple(map(number, rotation)) if isinstance(rotation, tuple) else number(rotation or 0.0)
-
-
-def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
-    """The matrix of a rotation in degrees, counterclockwise, shape (d, d); in 3D about the axis [a, b, c] by the length
-    of this vector.
-    """
-    if isinstance(rotation, tuple):
-        from scipy.spatial.transform import Rotation
-
-        return np.asarray(Rotation.from_rotvec(np.radians(rotation)).as_matrix())
-    if rotation == 0.0:
-        return np.eye(dimension)
-    cosine, sine = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
-    return np.array([[cosine, -sine], [sine, cosine]])
 
 
 # --- as the data of a foundation --------------------------------------------------------------------------------------
