@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mesh_files import read_file
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -21,7 +22,6 @@ from signorini_fx.algebra.linalg import petsc_options
 from signorini_fx.errors import MachineError, MeshError, OptionsError, SceneError
 from signorini_fx.forms.solver import options_applied
 from signorini_fx.machine import compilation
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results.folder import ResultFolder
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.solver import solve

@@ -4,12 +4,12 @@ import tomllib
 
 import numpy as np
 import pytest
+from mesh_files import read_file
 from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.cells import CELLS, order_in
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.results.contact_figures import section_forces
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene

@@ -6,10 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 from deck_lines import POISSON, STEEL, YOUNG, assembly, squares, stacked
+from mesh_files import read_file
 from mpi4py import MPI
 
 from signorini_fx.addons.decks import text
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.scenes import cli
 from signorini_fx.scenes.reading import read_scene
 from signorini_fx.scenes.solver import solve

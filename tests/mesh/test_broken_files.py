@@ -3,11 +3,10 @@
 import meshio
 import numpy as np
 import pytest
-from mesh_files import write_msh
+from mesh_files import read_file, write_msh
 from mpi4py import MPI
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.tagged import read_mesh
 
 GEO = """Point(1) = {0, 0, 0, .5}; Point(2) = {2, 0, 0, .5}; Point(3) = {2, 1, 0, .5}; Point(4) = {0, 1, 0, .5};

@@ -4,13 +4,12 @@ import tomllib
 
 import numpy as np
 import pytest
-from mesh_files import write_msh
+from mesh_files import read_file, write_msh
 from mesh_quality import quality
 from mpi4py import MPI
 
 from signorini_fx import MeshError, SceneError, TaggedMesh
 from signorini_fx.machine import compat
-from signorini_fx.mechanics.mesh.files import formats
 from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
@@ -115,7 +114,7 @@ def test_facets_in_contact_have_the_length(drawings, name, size, degree):
 
 
 def test_sizes_grow_by_a_quarter_per_length(drawings):
-    arrays = formats.read_file(drawings / "plane.geo")
+    arrays = read_file(drawings / "plane.geo")
     tagged = load_mesh(scene(drawings / "plane.geo", contact=0.1), MPI.COMM_SELF)
     x = tagged.mesh.geometry.x[compat.geometry_cells(tagged.mesh)]
     middle, lengths = x.mean(axis=1), np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).mean(axis=1)

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import default_scalar_type, fem
-from mesh_files import write_msh
+from mesh_files import read_file, write_msh
 from mpi4py import MPI
 
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed, measures, order_in
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.mechanics.mesh.tagged import read_mesh
 

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from dolfinx import mesh
 from dolfinx.io import XDMFFile
-from mesh_files import write_msh
+from mesh_files import read_file, write_msh
 from mpi4py import MPI
 from scenes import alone, table_of
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.mesh.files.formats import read_file
 from signorini_fx.mechanics.mesh.tagged import read_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve

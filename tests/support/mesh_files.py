@@ -5,7 +5,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from signorini_fx.mechanics.mesh.files import formats
 from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
+
+
+def read_file(file, boundaries=None, regions=None, degree=None):
+    """The arrays of a mesh file with names of a scene."""
+    return formats.read_file(MeshFile(file=file, boundaries=boundaries or {}, regions=regions or {}), degree=degree)
 
 
 def write_msh(source, file, degree=None):

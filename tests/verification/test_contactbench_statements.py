@@ -5,12 +5,12 @@ import re
 import meshio
 import numpy as np
 import pytest
+from mesh_files import read_file
 
 from benchmarks.contactbench.elasticity import nodal_loads, nodal_weights, prescribed, values_at
 from benchmarks.contactbench.grids import make_grid
 from benchmarks.contactbench.mesh_files import inp_lines, write_msh
 from benchmarks.contactbench.problem import FOLDER, ON_BOUNDARY, ProblemError, problem_names, read_problem
-from signorini_fx.mechanics.mesh.files.formats import read_file
 
 NAMES = problem_names()
 each_problem = pytest.mark.parametrize("name", NAMES)

@@ -222,22 +222,6 @@ def is_section(mesh: dmesh.Mesh) -> bool:
     return bool(mesh.geometry.dim > mesh.topology.dim)
 
 
-def load_file(
-    mesh: MeshFile,
-    comm: MPI.Comm,
-    halvings: int = 0,
-    degree: int | None = None,
-    sizes: Sizes = (),
-) -> TaggedMesh:
-    """The mesh of a file with the names that a scene gives it; see ``read_mesh``."""
-    names = (mesh.boundaries, mesh.regions, mesh.data)
-    try:
-        tagged = read_mesh(mesh.file, comm, *names, halvings, degree, mesh.size, sizes)
-    except MeshError as error:
-        raise MeshError(f"mesh.file: {error}") from None
-    return replace(tagged, origin={"file": mesh.file.name})
-
-
 def curvature(tagged: TaggedMesh) -> float:
     """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
     from signorini_fx.mechanics.mesh.files import cells
@@ -288,7 +272,6 @@ def read_mesh(
     halvings: int = 0,
     degree: int | None = None,
     size: float | None = None,
-    sizes: Sizes = (),
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
 
@@ -303,19 +286,42 @@ def read_mesh(
         degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
             curves; None: as the file has it, 1 for a drawing of a CAD program.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
-        sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.
 
     Raises:
         MeshError: there is no such file, it is not a mesh of that format, or no boundary has a name.
         SceneError: a number or a condition selects nothing.
     """
+    mesh = MeshFile(file=file, boundaries=boundaries or {}, regions=regions or {}, data=data, size=size)
+    return _of_file(mesh, comm, halvings, degree, ())
+
+
+def load_file(
+    mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None, sizes: Sizes = ()
+) -> TaggedMesh:
+    """The mesh of a file of a scene; see ``read_mesh``.
+
+    Args:
+        mesh: the file, with the names that the scene gives.
+        comm: the ranks that share the mesh.
+        halvings: as for ``read_mesh``.
+        degree: as for ``read_mesh``.
+        sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.
+    """
+    try:
+        tagged = _of_file(mesh, comm, halvings, degree, sizes)
+    except MeshError as error:
+        raise MeshError(f"mesh.file: {error}") from None
+    return replace(tagged, origin={"file": mesh.file.name})
+
+
+def _of_file(mesh: MeshFile, comm: MPI.Comm, halvings: int, degree: int | None, sizes: Sizes) -> TaggedMesh:
     from signorini_fx.mechanics.mesh.files import formats
 
     def read() -> MeshArrays:
-        arrays = formats.read_file(file, boundaries, regions, data, halvings, degree, size, sizes)
+        arrays = formats.read_file(mesh, halvings, degree, sizes)
         if not any(rows.size for rows in arrays.boundaries.values()):
             raise MeshError(
-                f"{file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
+                f"{mesh.file}: the mesh has no named boundary: name some in mesh.boundaries of the scene, "
                 f"or in the file (in gmsh: physical groups of dimension {arrays.dim - 1})"
             )
         return arrays
@@ -437,18 +443,35 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
         InstallationError: gmsh is not installed, or cannot be loaded.
     """
-    from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
+    from signorini_fx.mechanics.mesh.drawing import set_order
+    from signorini_fx.mechanics.mesh.files.arrays import from_raw
+    from signorini_fx.mechanics.mesh.files.gmsh_reader import content, gmsh_session
+    from signorini_fx.mechanics.mesh.files.size_field import with_sizes
+    from signorini_fx.mechanics.mesh.halving import straightened
 
     sizes = _LOCAL_SIZES.get()
+    cure = f"the cells of {name} are in rows; make them smaller by its parameters, or draw the body in a .geo"
 
     def make() -> MeshArrays:
         with gmsh_session() as gmsh:
+
+            def current() -> MeshArrays:
+                arrays = from_raw(content(gmsh), name)
+                return replace(arrays, points=unit * arrays.points)
+
+            def again() -> MeshArrays:
+                gmsh.model.mesh.generate(top)
+                if drawn.degree > 1:
+                    set_order(gmsh, drawn.degree)
+                return current()
+
             try:
                 draw(gmsh)
                 top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
                 if top < 2:
                     raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
-                arrays = _drawn(gmsh, top, sizes, name, unit)
+                drawn = current()
+                arrays = with_sizes(gmsh, lambda: straightened(drawn), again, sizes, cure, unit) or drawn
             except SignoriniError:
                 raise
             except Exception as error:  # gmsh has no exceptions of its own
@@ -458,32 +481,6 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         return arrays
 
     return from_arrays(comm, make)
-
-
-def _drawn(gmsh: Any, top: int, sizes: Sizes, name: str, unit: float) -> MeshArrays:
-    """The mesh of the current model, or one with cells of other lengths; see ``gmsh_mesh``."""
-    from signorini_fx.mechanics.mesh.drawing import set_order
-    from signorini_fx.mechanics.mesh.files.arrays import from_raw
-    from signorini_fx.mechanics.mesh.files.gmsh_reader import content
-    from signorini_fx.mechanics.mesh.files.size_field import with_sizes
-    from signorini_fx.mechanics.mesh.halving import straightened
-
-    def current() -> MeshArrays:
-        arrays = from_raw(content(gmsh), name)
-        return replace(arrays, points=unit * arrays.points)
-
-    first = current()
-
-    def finished() -> MeshArrays:
-        if len(gmsh.model.mesh.getNodes()[0]):  # it is as it was drawn
-            return first
-        gmsh.model.mesh.generate(top)
-        if first.degree > 1:
-            set_order(gmsh, first.degree)
-        return current()
-
-    cure = f"the cells of {name} are in rows; make them smaller by its parameters, or draw the body in a .geo"
-    return with_sizes(gmsh, lambda: straightened(first), finished, sizes, cure, unit)
 
 
 def _plain(names: Mapping[str, tuple[int, ...]]) -> dict[str, int | tuple[int, ...]]:

@@ -96,8 +96,9 @@ def _read(file: Path, size: float | None) -> Any:
     if file.suffix.lower() == ".stl":
         return InSpace(file, *_stl(file))
     from signorini_fx.mechanics.mesh.files.formats import read_file
+    from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
-    mesh = read_file(file, degree=1, size=size, joined=True)
+    mesh = read_file(MeshFile(file=file, size=size), degree=1, joined=True)
     if mesh.dim == 2:
         around = (0, 1, 2) if mesh.cell.word == "triangles" else (0, 1, 3, 2)
         return InThePlane(mesh.points, _rim(mesh.points, mesh.corners[:, around]))

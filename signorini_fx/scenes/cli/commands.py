@@ -210,14 +210,14 @@ def mesh_info(options: argparse.Namespace) -> str:
     """Describe a mesh file."""
     from signorini_fx.mechanics.mesh import info
     from signorini_fx.mechanics.mesh.files.formats import read_file
+    from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
-    described = info.mesh_info(read_file(options.file, size=options.size))
+    mesh = MeshFile(file=options.file, size=options.size)
+    described = info.mesh_info(read_file(mesh))
     if options.picture is not None:
         from mpi4py import MPI
 
-        from signorini_fx.mechanics.statement.mesh_sources import MeshFile
-
-        add_on("draw_mesh")(MeshFile(file=options.file, size=options.size), MPI.COMM_SELF, options.picture)
+        add_on("draw_mesh")(mesh, MPI.COMM_SELF, options.picture)
     return json.dumps(described, indent=2) if options.json else info.render(described, str(options.file))
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
-import math
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -16,25 +14,21 @@ import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.extensions import add_on
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, RawMesh, Selection, from_raw
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, RawMesh, from_raw
 from signorini_fx.mechanics.mesh.files.cells import curvature, kind_of_mesh, order_in
 from signorini_fx.mechanics.mesh.files.gmsh_reader import CAD, read_gmsh
 from signorini_fx.mechanics.mesh.files.size_field import SizeField, Sizes
 from signorini_fx.mechanics.mesh.halving import halved, straightened
-from signorini_fx.mechanics.statement.mesh_sources import DRAWN
+from signorini_fx.mechanics.statement.mesh_sources import DRAWN, MeshFile
 from signorini_fx.tuned import SAME_LENGTH
 
 _FORMATS = (*DRAWN, ".inp", ".med", ".msh", ".vtu", ".xdmf")
 
 
 def read_file(
-    file: Path,
-    boundaries: Mapping[str, Selection] | None = None,
-    regions: Mapping[str, Selection] | None = None,
-    data: str | None = None,
+    mesh: MeshFile,
     halvings: int = 0,
     degree: int | None = None,
-    size: float | None = None,
     sizes: Sizes = (),
     *,
     joined: bool = False,
@@ -43,25 +37,23 @@ def read_file(
 
     A drawing (.geo, .step, .stp, .brep) is meshed again, on the true shape; the cells of other meshes are divided, on
     their own curved sides.  With ``joined`` solids of a CAD drawing that touch or overlap share faces; the other
-    arguments are those of ``read_mesh``.
+    arguments are those of ``load_file``.
 
     Raises:
         MeshError: there is no such file, it cannot be read, or it is not a mesh of one kind of cell.
         SceneError: a selection is empty, or a length cannot be had.
     """
-    suffix = file.suffix.lower()
+    file, suffix = mesh.file, mesh.file.suffix.lower()
     if suffix not in _FORMATS:
         raise MeshError(f"{file}: unknown mesh format {file.suffix!r}; known are {', '.join(sorted(_FORMATS))}")
     if not os.path.isfile(file):  # a name may be of any length
         raise MeshError(f"{file}: no such file")
-    if size is not None and not 0 < size < math.inf:
-        raise SceneError([("mesh.size", f"a positive length is expected, got {size:g}")])
-    if size is not None and suffix not in CAD:
+    if mesh.size is not None and suffix not in CAD:
         suffixes = ", ".join(CAD)
         raise SceneError(
             [("mesh.size", f"a {file.suffix} file determines the size of its cells; a size is for {suffixes}")]
         )
-    if suffix not in DRAWN and not isinstance(sizes, SizeField) and sizes:
+    if not mesh.drawn and not isinstance(sizes, SizeField) and sizes:
         message = (
             f"a {file.suffix} file has its cells already: give its drawing ({', '.join(DRAWN)}), or let "
             "[accuracy] with refinement = 'adaptive' divide straight triangles or tetrahedra"
@@ -69,23 +61,23 @@ def read_file(
         raise SceneError([(sizes[0].path, message)])
 
     def named(raw: RawMesh) -> MeshArrays:
-        return from_raw(raw, str(file), boundaries, regions, data)
+        return from_raw(raw, str(file), mesh.boundaries, mesh.regions, mesh.data)
 
-    if suffix in DRAWN:
-        drawn = read_gmsh(file, named, halvings, degree, size, sizes, joined=joined)
+    if mesh.drawn:
+        drawn = read_gmsh(mesh, named, halvings, degree, sizes, joined=joined)
         # Nodes between the corners are for curves.
         near = SAME_LENGTH * float(np.linalg.norm(np.ptp(drawn.points, axis=0)))
         straight = degree == 2 and curvature(drawn.points, drawn.cells, drawn.cell) <= near
         return straightened(drawn) if straight else drawn
     if suffix == ".msh":
-        mesh = read_gmsh(file, named)
+        arrays = read_gmsh(mesh, named)
     else:
-        mesh = named(add_on("deck_files").read_model(file).raw if suffix == ".inp" else read_meshio(file, suffix[1:]))
+        arrays = named(add_on("deck_files").read_model(file).raw if suffix == ".inp" else read_meshio(file, suffix[1:]))
     if degree == 1:
-        mesh = straightened(mesh)
+        arrays = straightened(arrays)
     for _ in range(halvings):
-        mesh = halved(mesh)
-    return mesh
+        arrays = halved(arrays)
+    return arrays
 
 
 def files_of(file: Path) -> list[Path]:

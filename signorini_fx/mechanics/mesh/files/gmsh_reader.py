@@ -6,6 +6,7 @@ import contextlib
 import re
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from signorini_fx.errors import InstallationError, MeshError, SignoriniError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, Numbering, RawMesh
 from signorini_fx.mechanics.mesh.files.cells import CELLS, Ints, completed, order_in
 from signorini_fx.mechanics.mesh.files.size_field import Sizes, with_sizes
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
 # Drawings of CAD programs, by what OpenCASCADE calls them.
 CAD = {".step": "step", ".stp": "step", ".brep": "brep"}
@@ -73,11 +75,10 @@ def gmsh_session() -> Iterator[Any]:
 
 
 def read_gmsh(
-    file: Path,
+    mesh: MeshFile,
     named: Callable[[RawMesh], MeshArrays],
     halvings: int = 0,
     degree: int | None = None,
-    size: float | None = None,
     sizes: Sizes = (),
     *,
     joined: bool = False,
@@ -91,7 +92,7 @@ def read_gmsh(
         MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
         SceneError: a length cannot be had.
     """
-    suffix = file.suffix.lower()
+    file, suffix = mesh.file, mesh.file.suffix.lower()
     with gmsh_session() as gmsh:
         try:
             if suffix == ".geo":
@@ -99,7 +100,7 @@ def read_gmsh(
             else:
                 _check_ends(file, CAD.get(suffix, "msh"))
             if suffix in CAD:
-                _import(gmsh, file, CAD[suffix], size, joined=joined)
+                _import(gmsh, file, CAD[suffix], mesh.size, joined=joined)
             elif suffix == ".msh":
                 gmsh.merge(str(file.absolute()))
                 return named(content(gmsh))
@@ -109,7 +110,8 @@ def read_gmsh(
                 return named(content(gmsh))
 
             cure = "take Transfinite or Layers there out of the drawing"
-            return with_sizes(gmsh, lambda: make(0, 1), lambda: make(halvings, degree), sizes, cure)
+            wanted = partial(make, halvings, degree)
+            return with_sizes(gmsh, partial(make, 0, 1), wanted, sizes, cure) or wanted()
         except SignoriniError:
             raise
         except OSError as error:

@@ -64,45 +64,42 @@ Sizes = Sequence[ContactSize] | SizeField
 
 def with_sizes(
     gmsh: Any,
+    before: Callable[[], MeshArrays],
     make: Callable[[], MeshArrays],
-    finish: Callable[[], MeshArrays],
     sizes: Sizes,
     cure: str,
     unit: float = 1.0,
-) -> MeshArrays:
-    """The mesh of the current model with cells of some lengths.
+) -> MeshArrays | None:
+    """The mesh of the current model with cells of some lengths; None: its boundaries are to have no others.
 
     Args:
         gmsh: the module.
-        make: meshes the model with straight cells.
-        finish: makes the mesh that is wanted, whose facets may be shorter.
-        sizes: the lengths; none: as the model has them.
+        before: gives the mesh with straight cells that the model has of itself.
+        make: makes the mesh that is wanted, whose facets may be shorter.
+        sizes: the lengths.
         cure: what to change where gmsh cannot make them.
         unit: length of the model's unit.
 
     Raises:
         SceneError: no facet of a boundary is longer than it is to be, or gmsh cannot make such facets.
     """
-
-    def anew(field: SizeField, mesh: Callable[[], MeshArrays]) -> MeshArrays:
-        gmsh.model.mesh.clear()
-        field.apply(gmsh, unit)
-        return mesh()
-
-    if isinstance(sizes, SizeField):
-        return anew(sizes, finish)
-    if not sizes:
-        return finish()
-    before = make()
-    wanted = [size for size in sizes if before.boundaries.get(size.boundary, np.empty(0)).size]
-    for size in wanted:
-        longest = float(_longest_edges(before, size.boundary).max())
-        if longest < size.size:
-            message = f"the facets of {size.boundary!r} are no longer than {longest:.3g} without it: give less"
-            raise SceneError([(size.path, message)])
-    if not wanted:
-        return finish()
-    mesh = anew(_graded_at(before, wanted), finish)
+    field, wanted = sizes, list[ContactSize]()
+    if not isinstance(field, SizeField):
+        if not field:
+            return None
+        own = before()
+        wanted = [size for size in field if own.boundaries.get(size.boundary, np.empty(0)).size]
+        for size in wanted:
+            longest = float(_longest_edges(own, size.boundary).max())
+            if longest < size.size:
+                message = f"the facets of {size.boundary!r} are no longer than {longest:.3g} without it: give less"
+                raise SceneError([(size.path, message)])
+        if not wanted:
+            return None
+        field = _graded_at(own, wanted)
+    gmsh.model.mesh.clear()
+    field.apply(gmsh, unit)
+    mesh = make()
     for size in wanted:
         length = float(np.median(_longest_edges(mesh, size.boundary)))
         if length > LONGEST_FACET * size.size:
