@@ -142,7 +142,7 @@ def read_deck(file: Path) -> Deck:
     """An input file: its mesh, and what acts on the body."""
     model = read_model(file)
     mesh = from_raw(model.raw, str(file))
-    outside = {name: rows[rows < mesh.exterior] for name, rows in mesh.boundaries.items()}
+    outside = {name: rows[rows < len(mesh.facets) - mesh.inner] for name, rows in mesh.boundaries.items()}
     inside = {name: len(rows) - len(outside[name]) for name, rows in mesh.boundaries.items()}
     deck = Deck(replace(mesh, boundaries=outside), model, inside)
     for block in model.blocks:

@@ -6,13 +6,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain, row_keys, sides_of
 from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, measures
 from signorini_fx.tuned import NOTHING_LEFT
 
-# The names of the size of the body, of its surface and of a boundary, by dimension.
-_MEASURES = {2: ("area", "perimeter", "length"), 3: ("volume", "surface", "area")}
+# The names of the size of the body and of its boundaries, by dimension.
+_MEASURES = {2: ("area", "length"), 3: ("volume", "area")}
 
 
 def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
@@ -20,18 +23,16 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
 
     Returns:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
-        each), ``area`` and ``perimeter``, in 3D ``volume`` and ``surface``, with curved sides where they are;
-        ``pieces`` (parts of the body that share no facet), ``coincident`` (points at the place of another one);
-        ``boundaries`` and ``unnamed`` (exterior facets without a name) with ``facets``, ``bounds`` and
-        ``length``, in 3D ``area``; ``regions`` and ``rest`` (cells without a name) with ``cells`` and ``area``, in
-        space ``volume``.
+        each), ``area``, in 3D ``volume``, with curved sides where they are; ``pieces`` (parts of the body that share no
+        facet), ``coincident`` (points at the place of another one); ``boundaries`` and ``unnamed`` (exterior facets
+        without a name) with ``facets``, ``bounds`` and ``length``, in 3D ``area``; ``regions`` and ``rest`` (cells
+        without a name) with ``cells`` and ``area``, in 3D ``volume``.
     """
     size, areas = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
-    measure, around, of_facets = _MEASURES[mesh.dim]
+    measure, of_facets = _MEASURES[mesh.dim]
     diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
 
-    def facets(named: Ints) -> dict[str, Any]:
-        rows = named[named < mesh.exterior]
+    def facets(rows: Ints) -> dict[str, Any]:
         figures: dict[str, Any] = {"facets": len(rows), of_facets: float(areas[rows].sum())}
         return figures | ({"bounds": _bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
 
@@ -45,9 +46,8 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         "points": len(mesh.points),
         "bounds": _bounds(mesh.points),
         measure: float(size.sum()),
-        around: float(areas[: mesh.exterior].sum()),
         "pieces": _pieces(mesh),
-        "coincident": _coincident(mesh.points, NOTHING_LEFT * diagonal),
+        "coincident": len(np.unique(cKDTree(mesh.points).query_pairs(NOTHING_LEFT * diagonal, output_type="ndarray"))),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
         "unnamed": facets(_without(mesh.boundaries, len(mesh.facets))),
         "regions": {name: cells(rows) for name, rows in mesh.regions.items()},
@@ -66,22 +66,11 @@ def _without(named: Mapping[str, Ints], count: int) -> Ints:
 
 def _pieces(mesh: MeshArrays) -> int:
     """Number of parts that share no facet, so that they transmit no forces to each other."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     sides = row_keys(sides_of(mesh.cells, mesh.cell)[:, : len(mesh.facet.corners)])
     cells = np.repeat(np.arange(len(mesh.cells)), len(mesh.cell.facet_nodes))
     count = len(mesh.cells) + int(sides.max()) + 1
     links = coo_array((np.ones(cells.size, dtype=bool), (cells, sides + len(mesh.cells))), shape=(count, count))
     return int(connected_components(links, directed=False)[0])
-
-
-def _coincident(points: Floats, near: float) -> int:
-    """Number of points that have another one at the same place."""
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
-    return int(np.unique(pairs).size)
 
 
 def render(info: Mapping[str, Any], name: str) -> str:
@@ -118,7 +107,7 @@ def _amount(entry: Mapping[str, Any]) -> str:
     if "cells" in entry:
         return f"{entry['cells']} cells, {size}"
     if not entry["facets"]:
-        return "no exterior facets"
+        return "no facets"
     return f"{entry['facets']} facets, {size}, {_extent(entry['bounds'])}"
 
 

@@ -130,11 +130,6 @@ class MeshArrays:
         return self.facets[:, : len(self.facet.corners)]
 
     @property
-    def exterior(self) -> int:
-        """How many facets are exterior ones; they are the first ones in a mesh as its file has it."""
-        return len(self.facets) - self.inner
-
-    @property
     def degree(self) -> int:
         """Polynomial degree of the geometry."""
         return self.cell.degree
@@ -400,23 +395,3 @@ def _holds(rule: Callable[[Floats], Floats], points: Floats) -> npt.NDArray[np.b
     values = np.asarray(rule(x))
     with np.errstate(invalid="ignore"):
         return np.broadcast_to(values > 0, (len(points),))
-
-
-def combinations(groups: Mapping[str, Ints], count: int) -> tuple[Ints, dict[str, tuple[int, ...]]]:
-    """One tag for each combination of groups that overlap.
-
-    Args:
-        groups: name -> members, numbers below ``count``.
-        count: how many may be members.
-
-    Returns:
-        Tag of each, from 1 on, 0 where it is in no group, shape (count,); and name -> its tags.
-    """
-    tags = np.zeros(count, dtype=np.int64)
-    for members in groups.values():
-        member = np.zeros(count, dtype=np.int64)
-        member[members] = 1
-        kinds, tags = np.unique(2 * tags + member, return_inverse=True)
-        # Entities in no group have 0; if there are none, the numbers begin at 1.
-        tags = tags.reshape(-1) + int(kinds.size > 0 and kinds[0] != 0)
-    return tags, {name: tuple(plain(np.unique(tags[members]))) for name, members in groups.items()}
