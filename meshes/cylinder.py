@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import Field
 
-from signorini_fx.mechanics.mesh.drawing import Drawing, mesh_extruded
+from signorini_fx.mechanics.mesh.drawing import Drawing, around, mesh_extruded
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse_too_large
 
@@ -76,8 +76,8 @@ def generate(
         spokes = [geo.addLine(inner[k], outer[k]) for k in range(4)]
         loops = [core] + [[spokes[k], arcs[k], -spokes[after[k]], -core[k]] for k in range(4)]
         sections = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
-        counts, up = ((core + arcs, nt), (spokes, nr)), (0.0, 0.0, height)
-        mesh_extruded(drawing, sections, counts, {"side": arcs}, up, nz, ("bottom", "top"), cell=cell, order=order)
+        counts, names = ((core + arcs, nt), (spokes, nr)), {"side": around(1.0)}
+        mesh_extruded(drawing, sections, counts, names, height, nz, cell=cell, order=order)
 
     refuse_too_large(comm, nt * (nt + 4 * nr) * nz * (6 if cell == "tetrahedron" else 1))
     return gmsh_mesh(comm, draw, name="cylinder", unit=unit)

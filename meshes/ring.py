@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 from mpi4py import MPI
 from pydantic import Field
 
-from signorini_fx.mechanics.mesh.drawing import Drawing, mesh_extruded
+from signorini_fx.mechanics.mesh.drawing import Drawing, around, mesh_extruded
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse, refuse_too_large
 
@@ -67,16 +67,16 @@ def generate(
         drawing = Drawing(gmsh, unit)
         geo = gmsh.model.geo
         centre = drawing.point(0.0, 0.0)
-        around = ((1, 0), (0, 1), (-1, 0), (0, -1))
-        rims = [[drawing.point(r * x, r * y) for x, y in around] for r in (inner_radius, radius)]
+        corners = ((1, 0), (0, 1), (-1, 0), (0, -1))
+        rims = [[drawing.point(r * x, r * y) for x, y in corners] for r in (inner_radius, radius)]
         after = [1, 2, 3, 0]
         inner, outer = ([geo.addCircleArc(rim[k], centre, rim[after[k]]) for k in range(4)] for rim in rims)
         spokes = [geo.addLine(a, b) for a, b in zip(*rims, strict=True)]
         loops = [[spokes[k], outer[k], -spokes[after[k]], -inner[k]] for k in range(4)]
         sections = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
-        counts, names = ((inner + outer, nt), (spokes, nr)), {"inner": inner, "outer": outer}
-        up = (0.0, 0.0, height)
-        mesh_extruded(drawing, sections, counts, names, up, nz, ("bottom", "top"), cell=cell, order=order)
+        counts = (inner + outer, nt), (spokes, nr)
+        names = {"inner": around(inner_radius / unit), "outer": around(2.0)}
+        mesh_extruded(drawing, sections, counts, names, height, nz, cell=cell, order=order)
 
     refuse_too_large(comm, 4 * nt * nr * nz * (6 if cell == "tetrahedron" else 1))
     return gmsh_mesh(comm, draw, name="ring", unit=unit)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -134,6 +133,11 @@ def plane(axis: int, at: float) -> Surface:
     return lambda x: np.abs(x[axis] - at) < DIGITS_OF_FILES
 
 
+def around(radius: float) -> Surface:
+    """The points at a distance from the axis x[2], in units of the drawing."""
+    return lambda x: np.abs(np.hypot(x[0], x[1]) - radius) < 1e-5
+
+
 def mesh_solid(
     drawing: Drawing,
     boundaries: Mapping[str, Surface],
@@ -174,42 +178,33 @@ def mesh_solid(
     gmsh.model.mesh.removeSizeCallback()
     if order > 1:
         set_order(gmsh, order)
-    named: dict[str, list[int]] = {}
-    for _, tag in gmsh.model.getEntities(2):
-        _, x, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)
-        points = np.asarray(x).reshape(-1, 3).T
-        names = [name for name, holds in boundaries.items() if holds(points).all()]
-        if names:
-            named.setdefault(names[0], []).append(tag)
-    _name_solids(gmsh, named)
+    _name_solids(gmsh, boundaries)
 
 
 def mesh_extruded(
     drawing: Drawing,
     sections: Sequence[int],
     counts: Iterable[tuple[Sequence[int], int]],
-    sides: Mapping[str, Sequence[int]],
-    along: tuple[float, float, float],
+    boundaries: Mapping[str, Surface],
+    height: float,
     layers: int,
-    ends: tuple[str, str],
     *,
-    cell: str = "hexahedron",
-    order: int = 1,
+    cell: str,
+    order: int,
 ) -> None:
-    """Mesh the extrusion of plane sections in layers, and name its surfaces.
+    """Mesh the extrusion of plane sections along x[2] in layers, and name its surfaces.
 
     Args:
         drawing: the model, not yet synchronised.
         sections: plane surfaces, each between three or four curves.
         counts: curves of the sections, and how many cells there are along each of them.
-        sides: name -> curves of the sections; the surfaces that they sweep have it.
-        along: the vector of the extrusion, in units of the scene.
+        boundaries: those at the sides, as for ``mesh_solid``; the ends are ``bottom`` and ``top``.
+        height: of the extrusion, in units of the scene.
         layers: cells along it.
-        ends: names of the surfaces where the sections begin and end.
         cell: ``hexahedron`` or ``tetrahedron``.
         order: degree of the geometry.
     """
-    gmsh, geo = drawing.gmsh, drawing.gmsh.model.geo
+    gmsh, geo, up = drawing.gmsh, drawing.gmsh.model.geo, height / drawing.unit
     for curves, count in counts:
         for curve in curves:
             geo.mesh.setTransfiniteCurve(curve, count + 1)
@@ -217,24 +212,15 @@ def mesh_extruded(
         geo.mesh.setTransfiniteSurface(section)
         if cell == "hexahedron":
             geo.mesh.setRecombine(2, section)
-    vector = [value / drawing.unit for value in along]
-    extruded = geo.extrude([(2, section) for section in sections], *vector, [layers], recombine=cell == "hexahedron")
+    geo.extrude([(2, section) for section in sections], 0.0, 0.0, up, [layers], recombine=cell == "hexahedron")
     geo.synchronize()
     # Centres of arcs would become nodes without a cell, which dolfinx cannot distribute.
     points = gmsh.model.getEntities(0)
     gmsh.model.removeEntities([point for point in points if not len(gmsh.model.getAdjacencies(*point)[0])])
-    named = {ends[0]: list(sections), ends[1]: []}
-    for previous, (dim, _) in pairwise(extruded):
-        if dim == 3:  # the end of the section comes before its solid
-            named[ends[1]].append(previous[1])
-    swept = {frozenset(_curves(gmsh, tag)): tag for _, tag in gmsh.model.getEntities(2)}
-    for name, curves in sides.items():
-        swept_curves = {abs(curve) for curve in curves}
-        named[name] = [tag for around, tag in swept.items() if around & swept_curves and tag not in sections]
     gmsh.model.mesh.generate(3)
     if order > 1:
         set_order(gmsh, order)
-    _name_solids(gmsh, named)
+    _name_solids(gmsh, {"bottom": plane(2, 0.0), "top": plane(2, up), **boundaries})
 
 
 def set_order(gmsh: Any, order: int) -> None:
@@ -249,12 +235,15 @@ def set_order(gmsh: Any, order: int) -> None:
         raise MeshError("cells that follow the arcs would be turned inside out: use more of them, or order = 1")
 
 
-def _curves(gmsh: Any, surface: int) -> list[int]:
-    return [abs(tag) for _, tag in gmsh.model.getBoundary([(2, surface)], oriented=False)]
-
-
-def _name_solids(gmsh: Any, named: Mapping[str, Sequence[int]]) -> None:
-    """Name surfaces, and all solids together ``body``."""
+def _name_solids(gmsh: Any, boundaries: Mapping[str, Surface]) -> None:
+    """Name surfaces by their nodes, of several names the first counts, and all solids together ``body``."""
+    named: dict[str, list[int]] = {}
+    for _, tag in gmsh.model.getEntities(2):
+        _, x, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)
+        points = np.asarray(x).reshape(-1, 3).T
+        names = [name for name, holds in boundaries.items() if holds(points).all()]
+        if names:
+            named.setdefault(names[0], []).append(tag)
     gmsh.model.addPhysicalGroup(3, [tag for _, tag in gmsh.model.getEntities(3)], name="body")
     for name, tags in named.items():
-        gmsh.model.addPhysicalGroup(2, list(tags), name=name)
+        gmsh.model.addPhysicalGroup(2, tags, name=name)
