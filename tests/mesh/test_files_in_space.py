@@ -14,7 +14,8 @@ from mpi4py import MPI
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.cells import CELLS, completed, measures, order_in
 from signorini_fx.mechanics.mesh.halving import halved
-from signorini_fx.mechanics.mesh.tagged import read_mesh
+from signorini_fx.mechanics.mesh.tagged import load_file, read_mesh
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
 KINDS = ["tetra", "tetra10", "hexahedron", "hexahedron27"]
 each_kind = pytest.mark.parametrize("kind", KINDS)
@@ -361,7 +362,7 @@ def test_on_ranks(tmp_path, kind):
     if comm.rank == 0:
         write_msh(quarter(folder, kind), folder / "body.msh")
     comm.barrier()
-    tagged = read_mesh(folder / "body.msh", comm, halvings=1)
+    tagged = load_file(MeshFile(file=folder / "body.msh"), comm, halvings=1)
     own = read_file(folder / "body.msh")
     counts = {name: comm.allreduce(int(tagged.facets(name).size)) for name in tagged.boundaries}
     assert counts == {name: 4 * len(rows) for name, rows in own.boundaries.items()}

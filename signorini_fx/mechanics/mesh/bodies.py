@@ -24,13 +24,8 @@ def together(bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh]
     and a dot before them; names that one body alone has are also names without.  Where some bodies have curved cells,
     the others get nodes in the middle of their sides.
 
-    The first rank makes the mesh of each body, so that the order of the cells does not depend on the ranks, and
-    checkpoints fit any number of them.
-
-    Args:
-        bodies: their names, meshes and places.
-        load: makes the mesh of the body with a number on some ranks.
-        comm: the ranks that share the mesh.
+    The first rank makes the mesh of each body, by ``load`` of its number, so that the order of the cells does not
+    depend on the ranks, and checkpoints fit any number of them.
 
     Raises:
         SceneError: keys that do not fit the dimension of the meshes, or errors of a mesh, which name the body.

@@ -29,15 +29,8 @@ Floats = npt.NDArray[np.float64]
 
 
 def mark(comm: MPI.Comm, squares: Floats, share: float = 0.5) -> npt.NDArray[np.int32]:
-    """The smallest number of cells with a given share of the squared error (Doerfler), over all ranks; collective.
-
-    Args:
-        comm: the ranks that share the mesh.
-        squares: squared error of each owned cell, shape (cells,).
-        share: the share of the squared error in all marked cells together.
-
-    Returns:
-        Marked cells of this rank (local numbers).
+    """The smallest number of cells that have a share of the squared error together (Doerfler), over all ranks: those of
+    this rank, from the squared errors of its owned cells, shape (cells,); collective.
     """
     total = float(parallel.global_sum(comm, squares.sum()))
     low, high = 0.0, parallel.largest(comm, squares)
@@ -49,11 +42,7 @@ def mark(comm: MPI.Comm, squares: Floats, share: float = 0.5) -> npt.NDArray[np.
 
 
 def check_divisible(tagged: TaggedMesh) -> None:
-    """Refuse a mesh that ``refine`` cannot divide.
-
-    Raises:
-        MeshError: the cells are neither triangles nor tetrahedra, or not straight.
-    """
+    """Refuse a mesh whose cells are neither triangles nor tetrahedra, or not straight, by a ``MeshError``."""
     simplex = {2: "triangle", 3: "tetrahedron"}[tagged.mesh.topology.dim]
     if tagged.mesh.topology.cell_name() != simplex:
         plural = {"triangle": "triangles", "tetrahedron": "tetrahedra"}[simplex]
@@ -63,13 +52,9 @@ def check_divisible(tagged: TaggedMesh) -> None:
 
 
 def refine(tagged: TaggedMesh, cells: npt.NDArray[np.int32] | None = None) -> TaggedMesh:
-    """Bisect triangles or tetrahedra; the mesh stays conforming.
+    """Bisect triangles or tetrahedra, at least some cells of this rank, None: all; the mesh stays conforming.
 
     Where only some are divided, the cells of several ranks are distributed anew.
-
-    Args:
-        tagged: the mesh.
-        cells: the cells of this rank that must be divided; None: all.
 
     Raises:
         MeshError: the cells are neither triangles nor tetrahedra, or not straight.
@@ -180,11 +165,8 @@ def size_fields(
     Args:
         tagged: the mesh.
         lengths: of the cells that take the place of each owned cell, shape (cells,).
-        parts: cells of this rank.
+        parts: cells of this rank; each gets a field, on the first rank, without cells on the others.
         finer: see ``shorter_lengths``; cells between short and long ones count as well.
-
-    Returns:
-        A field on each part, on the first rank; without cells on the others.
     """
     comm, dim, of_part = tagged.mesh.comm, tagged.dimension, np.full(len(lengths), -1)
     for number, members in enumerate(parts):

@@ -172,14 +172,8 @@ def check_fits(statement: Statement, tagged: TaggedMesh) -> None:
 
 
 def check_dimension(tagged: TaggedMesh, *, section: bool = False) -> None:
-    """Check that positions are finite, and that cells and points have the same dimension, 2 or 3; collective.
-
-    Args:
-        tagged: the mesh.
-        section: whether it may be a plane section whose points move out of it, as that of a body with torsion.
-
-    Raises:
-        MeshError: they are not; the message says what the mesh is.
+    """Check that positions are finite, and that cells and points have the same dimension, 2 or 3, or with ``section``
+    that the cells are plane and the points may leave them, as with torsion; or a ``MeshError``; collective.
     """
     if parallel.any_rank(tagged.mesh.comm, not np.isfinite(tagged.mesh.geometry.x).all()):
         raise MeshError("a node of the mesh has coordinates that are not finite")
@@ -269,8 +263,6 @@ def read_mesh(
     boundaries: Mapping[str, Selection] | None = None,
     regions: Mapping[str, Selection] | None = None,
     data: str | None = None,
-    halvings: int = 0,
-    degree: int | None = None,
     size: float | None = None,
 ) -> TaggedMesh:
     """A mesh from a file, read on the first rank; ``formats.read_file`` has the formats.
@@ -282,9 +274,6 @@ def read_mesh(
             positive at all vertices of the exterior facets of the boundary.
         regions: the same for cells and all their vertices.
         data: the cell data that numbers refer to; None: there is only one.
-        halvings: how often the sides of all cells are halved, for a drawing on the true shape.
-        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
-            curves; None: as the file has it, 1 for a drawing of a CAD program.
         size: length of the cells of a .step, .stp or .brep; None: a fraction of the size of the body.
 
     Raises:
@@ -292,7 +281,7 @@ def read_mesh(
         SceneError: a number or a condition selects nothing.
     """
     mesh = MeshFile(file=file, boundaries=boundaries or {}, regions=regions or {}, data=data, size=size)
-    return _of_file(mesh, comm, halvings, degree, ())
+    return _of_file(mesh, comm)
 
 
 def load_file(
@@ -303,8 +292,9 @@ def load_file(
     Args:
         mesh: the file, with the names that the scene gives.
         comm: the ranks that share the mesh.
-        halvings: as for ``read_mesh``.
-        degree: as for ``read_mesh``.
+        halvings: how often the sides of all cells are halved, for a drawing on the true shape.
+        degree: of the geometry: 1: straight sides; 2 (drawings only): nodes between the corners as well, if there are
+            curves; None: as the file has it, 1 for a drawing of a CAD program.
         sizes: of a drawing the lengths of facets of some boundaries, or of all cells, on the first rank.
     """
     try:
@@ -314,7 +304,9 @@ def load_file(
     return replace(tagged, origin={"file": mesh.file.name})
 
 
-def _of_file(mesh: MeshFile, comm: MPI.Comm, halvings: int, degree: int | None, sizes: Sizes) -> TaggedMesh:
+def _of_file(
+    mesh: MeshFile, comm: MPI.Comm, halvings: int = 0, degree: int | None = None, sizes: Sizes = ()
+) -> TaggedMesh:
     from signorini_fx.mechanics.mesh.files import formats
 
     def read() -> MeshArrays:
@@ -330,11 +322,7 @@ def _of_file(mesh: MeshFile, comm: MPI.Comm, halvings: int, degree: int | None, 
 
 
 def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
-    """The mesh that ``make`` gives on the first rank, distributed; collective.
-
-    Args:
-        comm: the ranks that share the mesh.
-        make: called on the first rank only; what it raises is raised on all.
+    """The mesh that ``make`` gives on the first rank, where alone it is called, distributed; collective.
 
     Raises:
         MeshError: cells have different nodes in the middle of the same edge or face, or one in the middle of two.
@@ -376,11 +364,7 @@ def _meshtags(mesh: dmesh.Mesh, dim: int, nodes: Ints, values: npt.NDArray[np.in
 
 
 def arrays_of(tagged: TaggedMesh) -> MeshArrays:
-    """All cells and names of a mesh on the first rank, none on the others; collective.
-
-    Raises:
-        MeshError: its geometry has a degree above 2.
-    """
+    """All cells and names of a mesh on the first rank, none on the others, if its degree is at most 2; collective."""
     from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, rows_of, sides_of
     from signorini_fx.mechanics.mesh.files.cells import CELLS, kind_of_mesh
 

@@ -265,11 +265,7 @@ def number(value: Any) -> float:
 
 
 def real_numbers(values: Any) -> npt.NDArray[np.float64]:
-    """Values that a function of a user gives, as an array.
-
-    Raises:
-        ValueError: they are no real numbers; of complex ones NumPy would leave out the imaginary parts.
-    """
+    """Values that a function of a user gives, as an array, if they are real: NumPy would leave out imaginary parts."""
     if np.iscomplexobj(values):
         raise ValueError("the values are complex numbers, and real ones are expected")
     return np.asarray(values, dtype=float)

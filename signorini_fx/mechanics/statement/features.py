@@ -70,11 +70,7 @@ def refused_by(statement: Any, refuses: Mapping[str, str]) -> Contradictions:
 
 
 def refuse(statement: Any, refuses: Mapping[str, str]) -> None:
-    """Refuse what is to be computed of a scene.
-
-    Raises:
-        SceneError: it has features that this does not know.
-    """
+    """Refuse to compute something of a scene with features that this does not know, by a ``SceneError``."""
     problems = [
         ("".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix("."), reason)
         for path, reason in dict.fromkeys(refused_by(statement, refuses))

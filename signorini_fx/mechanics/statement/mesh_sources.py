@@ -149,17 +149,11 @@ class Body(Placed, Table):
 
 @dataclass(frozen=True)
 class ContactSize:
-    """The length of the facets of one boundary of a mesh.
+    """The length of the facets of one boundary of a mesh."""
 
-    Attributes:
-        boundary: its name in the mesh.
-        size: the length.
-        path: the key of the scene that asks for it.
-    """
-
-    boundary: str
+    boundary: str  # its name in the mesh
     size: float
-    path: str
+    path: str  # the key of the scene that asks for it
 
 
 def contact_sizes(scene: Any, number: int | None = None) -> tuple[ContactSize, ...]:

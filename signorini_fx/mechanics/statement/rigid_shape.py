@@ -330,11 +330,7 @@ def names() -> tuple[str, ...]:
 
 
 def shape_class(name: str) -> type[Shape]:
-    """The class of a shape, which is imported.
-
-    Raises:
-        InstallationError: that of another package cannot be imported, or is none.
-    """
+    """The class of a shape, which is imported, or an ``InstallationError``."""
     if name not in _SHAPES:
         return load_class(SHAPES, name, Shape)
     file, kind = _SHAPES[name]
@@ -343,11 +339,7 @@ def shape_class(name: str) -> type[Shape]:
 
 
 def read_shape(entry: Any) -> Any:
-    """A shape from a table; itself if it is one.
-
-    Raises:
-        ValueError: it is none, its name is not known, or its keys are wrong.
-    """
+    """A shape from a table, else a ``ValueError``; itself if it is one."""
     if entry is None or isinstance(entry, Shape | str):  # the name of a rigid body, which a scene replaces
         return entry
     if not isinstance(entry, Mapping):

@@ -48,12 +48,7 @@ class RawMesh:
 
 
 class Numbering:
-    """Numbers of nodes or elements, and the row of each.
-
-    Attributes:
-        numbers: in the order of the rows.
-        again: the rows of numbers that an earlier row has.
-    """
+    """Numbers of nodes or elements in the order of their rows; ``again``: the rows of numbers that came before."""
 
     def __init__(self, numbers: Ints) -> None:
         self.numbers = numbers
@@ -149,9 +144,8 @@ def from_raw(
     Args:
         raw: the mesh as read from its file.
         name: name of the mesh in messages.
-        boundaries: names of the scene; they replace those of the file.  A rule selects the exterior facets all of whose
-            vertices satisfy it (true or positive).
-        regions: the same for cells and all their vertices.
+        boundaries: names of the scene, as in ``read_mesh``; they replace those of the file.
+        regions: the same for cells.
         data: the cell data that numbers refer to; None: the only one that has any.
 
     Raises:

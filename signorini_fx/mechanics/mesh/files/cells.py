@@ -127,11 +127,8 @@ _DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2, "polygon": 2}
 
 
 def completed(kind: str) -> tuple[Cell, Floats] | None:
-    """How to complete an element without nodes in the middle of its faces, with exactly the same shape.
-
-    Returns:
-        The complete kind, and the weights of the existing nodes in each of its nodes, shape (nodes, existing nodes);
-        None for any other kind.
+    """How to complete an element without nodes in the middle of its faces: the kind with exactly the same shape, and
+    the weights of the existing nodes in each of its nodes, shape (nodes, existing nodes); None for any other kind.
     """
     if kind not in _COMPLETE:
         return None
@@ -158,12 +155,8 @@ def dimension(kind: str) -> int:
 
 
 def measures(points: Floats, nodes: Ints, cell: Cell) -> Floats:
-    """Length, area or volume of each element, on its curved shape if it is one, shape (m,).
-
-    Args:
-        points: positions, shape (n, d).
-        nodes: of each element in the order of its kind, shape (m, k).
-        cell: the kind, of d dimensions or of one less.
+    """Length, area or volume of each element, on its curved shape if it is one, shape (m,), from points, shape (n, d),
+    and the nodes of each, shape (m, k), of a kind of d dimensions or of one less.
     """
     return np.asarray(nodal_measures(points, nodes, cell).sum(axis=1))
 
@@ -195,11 +188,7 @@ def curvature(points: Floats, cells: Ints, cell: Cell) -> float:
 
 
 def check_shape(points: Floats, cells: Ints, cell: Cell, name: str) -> None:
-    """Refuse cells that are flat or folded.
-
-    Raises:
-        MeshError: with how many there are and where the first one is.
-    """
+    """Refuse cells that are flat or folded by a ``MeshError``: how many there are and where the first one is."""
     parts = [_spoilt(points, cells[k : k + _CHUNK], cell) for k in range(0, len(cells), _CHUNK)]
     flat, folded = (np.concatenate(flags) for flags in zip(*parts, strict=True))
     for bad, defect in (

@@ -81,11 +81,7 @@ def read_file(
 
 
 def files_of(file: Path) -> list[Path]:
-    """A file of a mesh or of anything else, and what it includes as an Abaqus input file.
-
-    Raises:
-        MeshError: what it includes cannot be read.
-    """
+    """A file of a mesh or of anything else, and what it includes as an Abaqus input file; or a ``MeshError``."""
     return list(add_on("deck_files").read_keywords(file)[1]) if file.suffix.lower() == ".inp" else [file]
 
 

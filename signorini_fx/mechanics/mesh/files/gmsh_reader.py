@@ -83,14 +83,8 @@ def read_gmsh(
     *,
     joined: bool = False,
 ) -> MeshArrays:
-    """A mesh, or a drawing after gmsh has meshed it.
-
-    The surfaces and solids of a CAD drawing are physical groups with their numbers.  ``named`` makes the mesh of the
-    content of the file; the other arguments are those of ``formats.read_file``.
-
-    Raises:
-        MeshError: its content does not fit its suffix, a script does more than draw, or gmsh cannot make a mesh of it.
-        SceneError: a length cannot be had.
+    """A mesh, or a drawing after gmsh has meshed it; ``named`` makes the mesh of the content of the file, the other
+    arguments are those of ``formats.read_file``.
     """
     file, suffix = mesh.file, mesh.file.suffix.lower()
     with gmsh_session() as gmsh:
@@ -122,15 +116,9 @@ def read_gmsh(
 
 
 def content(gmsh: Any) -> RawMesh:
-    """The mesh of the current model; physical groups are sets.
-
-    Raises:
-        ValueError: two nodes have the same number.
-    """
+    """The mesh of the current model; physical groups are sets."""
     tags, x, _ = gmsh.model.mesh.getNodes()
     numbering = Numbering(np.asarray(tags, dtype=np.int64))
-    if numbering.again.size:
-        raise ValueError("two nodes have the same number")
     grouped = {dim for dim, _ in gmsh.model.getPhysicalGroups()}
     # Boundaries have one dimension less than the body.
     top = 3 if len(gmsh.model.mesh.getElementTypes(3)) else 2

@@ -31,11 +31,8 @@ class SizeField:
     sizes: Floats  # length of the cells at each point, shape (n,)
 
     def apply(self, gmsh: Any, unit: float = 1.0) -> None:
-        """Let the current model of gmsh have cells of these lengths alone, whatever its own settings are.
-
-        Args:
-            gmsh: the module.
-            unit: length of the model's unit.
+        """Let the current model of gmsh, which has a unit of this length, have cells of these lengths alone, whatever
+        its own settings are.
         """
         dim = self.points.shape[1]
         kind = next(cell for cell in CELLS.values() if cell.corners.shape == (self.cells.shape[1], dim))
