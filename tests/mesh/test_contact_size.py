@@ -30,7 +30,7 @@ BOUNDARIES = {"hole": "abs(x[0]**2 + x[1]**2 - 100) < 0.5 and x[1] < 1e-9", "top
 def drawings(tmp_path_factory):
     """Half of a lug with a hole in 2D, and the same in 3D, 10 thick, as STEP and as a script."""
     folder = tmp_path_factory.mktemp("drawings")
-    with gmsh_session() as gmsh:
+    with gmsh_session("a test") as gmsh:
         for name, solid in (("plane", False), ("space", True)):
             gmsh.clear()
             occ = gmsh.model.occ

@@ -17,7 +17,7 @@ def read_file(file, boundaries=None, regions=None, degree=None):
 
 def write_msh(source, file, degree=None):
     """Write a drawing or a mesh that gmsh reads as a .msh file; with sides of this degree, if one is given."""
-    with gmsh_session() as gmsh:
+    with gmsh_session("a test") as gmsh:
         gmsh.open(str(source))
         if source.suffix != ".msh":
             gmsh.model.mesh.generate(gmsh.model.getDimension())

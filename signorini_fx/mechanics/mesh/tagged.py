@@ -21,7 +21,7 @@ from mpi4py import MPI
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import cdist
 
-from signorini_fx.errors import MeshError, SceneError, SignoriniError
+from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.generators import found_generator
@@ -435,7 +435,7 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
     cure = f"the cells of {name} are in rows; make them smaller by its parameters, or draw the body in a .geo"
 
     def make() -> MeshArrays:
-        with gmsh_session() as gmsh:
+        with gmsh_session(f"{name}: gmsh cannot make the mesh") as gmsh:
 
             def current() -> MeshArrays:
                 arrays = from_raw(content(gmsh), name)
@@ -447,17 +447,12 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
                     set_order(gmsh, drawn.degree)
                 return current()
 
-            try:
-                draw(gmsh)
-                top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
-                if top < 2:
-                    raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
-                drawn = current()
-                arrays = with_sizes(gmsh, lambda: straightened(drawn), again, sizes, cure, unit) or drawn
-            except SignoriniError:
-                raise
-            except Exception as error:  # gmsh has no exceptions of its own
-                raise MeshError(f"{name}: gmsh cannot make the mesh: {error}") from None
+            draw(gmsh)
+            top = max((dim for dim, _ in gmsh.model.getPhysicalGroups()), default=0)
+            if top < 2:
+                raise MeshError(f"{name}: the mesh has no physical group of dimension 2 or 3 (the body)")
+            drawn = current()
+            arrays = with_sizes(gmsh, lambda: straightened(drawn), again, sizes, cure, unit) or drawn
         if not arrays.boundaries:
             raise MeshError(f"{name}: the mesh has no named boundary: give it physical groups of dimension {top - 1}")
         return arrays

@@ -4,11 +4,6 @@ Other packages have more by entry points, whose names are keys of a scene as wel
 
     [project.entry-points."signorini_fx.effects"]
     magnet = "its.module:Magnet"
-
-An effect is a ``Force`` (a load in the body or on a boundary), an ``InitialStrain`` (a strain without stress), a
-``Resistance`` (forces that grow with the displacement), another ``Load`` (something that load steps multiply), or none
-of these.  All that assembles, judges and tells of a scene asks the methods of these classes, and nowhere for a
-particular effect.
 """
 
 from __future__ import annotations

@@ -36,6 +36,8 @@ _TO_A_TURN = 16
 _TYPES = {cell.gmsh: kind for kind, cell in CELLS.items()} | {15: "vertex", 16: "quad8", 17: "hexahedron20"}
 _TYPES |= {6: "wedge", 7: "pyramid", 13: "wedge18", 14: "pyramid14", 18: "wedge15", 19: "pyramid13"}
 
+# Where gmsh's messages name the file.
+_PLACE = re.compile(r"'/[^']*', (?=line)")
 # Comments and texts, whose words are no commands.
 _SKIPPED = re.compile(r'//[^\n]*|/\*.*?\*/|"[^"\n]*"|\'[^\'\n]*\'', re.DOTALL)
 _FORBIDDEN = re.compile(
@@ -48,12 +50,12 @@ _NAMED = re.compile(r"\s*[\[(=]?\s*[\"']([^\"'\n]*)[\"']")
 
 
 @contextlib.contextmanager
-def gmsh_session() -> Iterator[Any]:
+def gmsh_session(failure: str) -> Iterator[Any]:
     """The module gmsh with an empty model and the same options for everybody: silent, and no file of options is read.
 
     Raises:
         InstallationError: it is not installed, or its wheel lacks a library of the system.
-        MeshError: the caller has gmsh open, whose options would change the mesh.
+        MeshError: the caller has gmsh open, whose options would change the mesh; or ``failure`` and what gmsh raised.
     """
     try:
         import gmsh
@@ -69,6 +71,11 @@ def gmsh_session() -> Iterator[Any]:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.RandomSeed", 1)
         yield gmsh
+    except SignoriniError:
+        raise
+    except Exception as error:  # gmsh has no exceptions of its own
+        reason = _PLACE.sub("", str(error))
+        raise MeshError(f"{failure}: {reason or type(error).__name__}") from None
     finally:
         if gmsh.isInitialized():  # what is drawn is written by others
             gmsh.finalize()
@@ -87,32 +94,24 @@ def read_gmsh(
     arguments are those of ``formats.read_file``.
     """
     file, suffix = mesh.file, mesh.file.suffix.lower()
-    with gmsh_session() as gmsh:
-        try:
-            if suffix == ".geo":
-                _run(gmsh, file)
-            else:
-                _check_ends(file, CAD.get(suffix, "msh"))
-            if suffix in CAD:
-                _import(gmsh, file, CAD[suffix], mesh.size, joined=joined)
-            elif suffix == ".msh":
-                gmsh.merge(str(file.absolute()))
-                return named(content(gmsh))
+    with gmsh_session(f"{file}: gmsh cannot read it") as gmsh:
+        if suffix == ".geo":
+            _run(gmsh, file)
+        else:
+            _check_ends(file, CAD.get(suffix, "msh"))
+        if suffix in CAD:
+            _import(gmsh, file, CAD[suffix], mesh.size, joined=joined)
+        elif suffix == ".msh":
+            gmsh.merge(str(file.absolute()))
+            return named(content(gmsh))
 
-            def make(times: int, order: int | None) -> MeshArrays:
-                _mesh(gmsh, times, order)
-                return named(content(gmsh))
+        def make(times: int, order: int | None) -> MeshArrays:
+            _mesh(gmsh, times, order)
+            return named(content(gmsh))
 
-            cure = "take Transfinite or Layers there out of the drawing"
-            wanted = partial(make, halvings, degree)
-            return with_sizes(gmsh, partial(make, 0, 1), wanted, sizes, cure) or wanted()
-        except SignoriniError:
-            raise
-        except OSError as error:
-            raise MeshError(f"{file}: cannot be read: {error.strerror or error}") from None
-        except Exception as error:  # gmsh has no exceptions of its own
-            reason = str(error).replace(f"'{file.absolute()}', ", "")
-            raise MeshError(f"{file}: gmsh cannot read it: {reason or type(error).__name__}") from None
+        cure = "take Transfinite or Layers there out of the drawing"
+        wanted = partial(make, halvings, degree)
+        return with_sizes(gmsh, partial(make, 0, 1), wanted, sizes, cure) or wanted()
 
 
 def content(gmsh: Any) -> RawMesh:
@@ -174,24 +173,22 @@ def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozens
         raise MeshError(f"{where}: its last line does not end, so that gmsh would leave it out: add a line break")
     # Blanks in place of comments and texts leave all other places where they are.
     bare = _SKIPPED.sub(lambda skipped: re.sub(r"[^\n]", " ", skipped[0]), text)
-    if word := _FORBIDDEN.search(bare):
-        raise _refused(where, text, word.start(), "runs programs, writes files or ends the process")
+    refused = [(word, "runs programs, writes files or ends the process") for word in _FORBIDDEN.finditer(bare)]
     for word in _READS.finditer(bare):
         argument = _NAMED.match(text, word.end())
         if argument is None or Path(argument[1]).name != argument[1]:
-            raise _refused(where, text, word.start(), "may read a file outside the folder of the script")
+            refused.append((word, "may read a file outside the folder of the script"))
+            continue
         other = file.with_name(argument[1])
         if other.is_file() and other not in checked and not _begins_as(other, *_BEGINNINGS):
             _check_script(other, name or str(file), checked | {file, other})
-
-
-def _refused(where: str, text: str, start: int, reason: str) -> MeshError:
-    word = re.match(r"\w+", text[start:])
-    line = text.count("\n", 0, start) + 1
-    return MeshError(
-        f"{where}: line {line}: {word and word[0]} is not allowed in a script, as it {reason}; give the .msh that gmsh "
-        "makes of it"
-    )
+    if refused:
+        word, reason = refused[0]
+        line, command = text.count("\n", 0, word.start()) + 1, word[0].partition("(")[0].rstrip()
+        raise MeshError(
+            f"{where}: line {line}: {command} is not allowed in a script, as it {reason}; give the .msh that gmsh "
+            "makes of it"
+        )
 
 
 def _begins_as(file: Path, *forms: str) -> bool:
@@ -222,8 +219,7 @@ def _run(gmsh: Any, file: Path) -> None:
         gmsh.option.setNumber("General.AbortOnError", 2)
         gmsh.logger.stop()
     if errors:
-        reason = errors[0].replace(f"'{file.absolute()}', ", "")
-        raise MeshError(f"{file}: gmsh cannot read it: {reason}")
+        raise ValueError(errors[0])
 
 
 def _import(gmsh: Any, file: Path, form: str, size: float | None, *, joined: bool) -> None:
