@@ -27,7 +27,6 @@ from signorini_fx.records import Finding
 from signorini_fx.results.fields import (
     FIELD_FILES,
     VTU,
-    facets_of,
     write_fields,
     write_surface,
 )
@@ -199,13 +198,11 @@ class _Written:
     def _pictures(self, table: ContactTable | None, gathered: Any, summary: dict[str, Any]) -> None:
         """All pictures, beside the tables that some of them are drawn from."""
         solution, folder = self.solution, self.folder
-        contact = None if table is None else table.columns
-        facets = None if table is None or table.facets is None else facets_of(table)
 
         def draw() -> None:
             several = read_csv(folder.path / "steps.csv") if len(solution.steps) > 1 else None
             try:
-                gathered.draw(folder.part, contact, facets, several, marked_stress(summary))
+                gathered.draw(folder.part, table, several, marked_stress(summary))
             except PictureError as error:
                 say(f"the deformed body is not drawn: {error}")
 

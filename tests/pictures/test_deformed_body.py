@@ -7,7 +7,8 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 from signorini_fx.addons.pictures.body import DrawnBody, tiling
-from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
+from signorini_fx.addons.pictures.deformed_body import deformed_mesh
+from signorini_fx.addons.pictures.foundation import Foundation, magnification
 
 X = np.linspace(0.0, 3.0, 13)
 BOTTOM = np.column_stack((X, np.zeros(13)))
@@ -21,17 +22,16 @@ ONES = {"von_mises": np.ones((12, 5))}
 BODY = DrawnBody(POINTS, WITHIN, tiling(4, 1), np.zeros((38, 2)), ONES, True, OUTLINE)
 
 
-def on(gap, touching, lines=()):
-    """What is below; shapes are drawn whole."""
-    shaped = np.full(13, bool(lines))
-    return DrawnFoundation(BOTTOM, gap[:, None] * DOWN, touching, np.full(13, False), shaped, lines)
+def on(gap, touching):
+    """What is below."""
+    return Foundation(BOTTOM, np.tile(DOWN, (13, 1)), gap, touching)
 
 
 def drawn(gap, displacement, **options):
     """The axes of the picture and its remark; ``gap`` along the bottom."""
     foundation = on(gap, gap <= -displacement[:13, 1] + 1e-12)
     body = replace(BODY, displacement=displacement)
-    figure, remark = deformed_mesh(body, "von_mises", foundation=foundation, **options)
+    figure, remark = deformed_mesh(body, "von_mises", foundations=[foundation], **options)
     return [axes for axes in figure.axes if axes.get_label() != "<colorbar>"], remark
 
 
@@ -53,7 +53,7 @@ def test_a_gap_that_hardly_varies_is_magnified_like_the_displacement():
     """One panel: body and foundation touch in it where they touch."""
     gap = 0.001 + 0.0005 * (X - 1.5) ** 2
     displacement = sinking(0.001)
-    factor = replace(BODY, displacement=displacement).factor
+    factor = magnification(replace(BODY, displacement=displacement), [])
     (axes,), title = drawn(gap, displacement)
     assert factor == 200
     assert "displacement and gap" in title
@@ -65,8 +65,8 @@ def test_a_gap_that_hardly_varies_is_magnified_like_the_displacement():
 
 def test_round_off_is_not_magnified():
     """A body that is back where it began is drawn as it is, and not 1e15 times as deformed."""
-    assert replace(BODY, displacement=sinking(1e-17)).factor == 1
-    assert replace(BODY, displacement=sinking(1e-12)).factor > 1e10
+    assert magnification(replace(BODY, displacement=sinking(1e-17)), []) == 1
+    assert magnification(replace(BODY, displacement=sinking(1e-12)), []) > 1e10
 
 
 @pytest.mark.parametrize("gap", [0.3 * (X - 1.5) ** 2, np.where(X < 2, 0.0, 0.1 * (X - 2)), np.full(13, 0.2)])
@@ -74,7 +74,7 @@ def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(gap):
     """All as it is then, and nothing is magnified."""
     gap = gap + 0.001
     displacement = sinking(0.0012)
-    assert replace(BODY, displacement=displacement).factor > 1
+    assert magnification(replace(BODY, displacement=displacement), []) > 1
     (axes, *_), title = drawn(gap, displacement)
     assert r"displacement $\times\,1$" in title
     np.testing.assert_allclose(body_of(axes), (POINTS + displacement)[CELLS])
@@ -104,7 +104,17 @@ def test_axisymmetric_bodies_are_mirrored():
     assert np.array_equal(body.within[12:], WITHIN + 38)
     assert body.values["von_mises"].shape == (24, 5)
     touching = X < 1
-    foundation = on(1 + X, touching).with_mirror_image()
+    (foundation,) = on(1 + X, touching).mirrored()
     assert np.array_equal(foundation.nodes[:, 0], [*-X[::-1], *X])
-    assert np.array_equal(foundation.offset[:, 1], [*(-1 - X)[::-1], *(-1 - X)])
+    assert np.array_equal(foundation.drawn(1.0)[:, 1], [*(-1 - X)[::-1], *(-1 - X)])
     assert np.array_equal(foundation.touching, [*touching[::-1], *touching])
+    away = replace(on(1 + X, touching), nodes=BOTTOM + np.array([2.0, 0.0]))
+    assert [part.nodes[0, 0] for part in away.mirrored()] == [2.0, -5.0]
+
+
+def test_two_bodies_seem_to_touch():
+    """What has closed between them is magnified to a 300th of their size at most."""
+    body = replace(BODY, displacement=sinking(0.001))
+    other = replace(on(np.full(13, 0.0005), X < 1), rigid=False)
+    assert magnification(body, [other]) == 20
+    assert magnification(body, [replace(other, touching=X < 0)]) == 200

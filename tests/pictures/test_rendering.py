@@ -9,10 +9,10 @@ from drawing import needs_pictures_in_3d
 
 from signorini_fx.addons.pictures import solid as drawing
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.foundation import FoundationSurface
+from signorini_fx.addons.pictures.body import normals_of
+from signorini_fx.addons.pictures.foundation import Foundation
 from signorini_fx.addons.pictures.solid import Solid
 from signorini_fx.addons.pictures.style import VALUES
-from signorini_fx.addons.pictures.view import normals_of
 from signorini_fx.errors import PictureError
 
 CUBE = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
@@ -76,7 +76,7 @@ def test_a_jump_of_the_field_is_not_smeared():
 
 def test_foundations_are_seen_from_the_body():
     """A plane from above, gray; not from below, where it would hide the body."""
-    ground = over([0.2] * 4).shape(1.0)
+    ground = drawing.ground_of(over([0.2] * 4), 1.0)
     np.testing.assert_allclose(ground[0][:, 2], -0.2)
     assert normals_of(*ground)[0, 2] > 0
     corner = ground[0][np.argmin(ground[0] @ view.oblique().right)]
@@ -92,7 +92,7 @@ def test_foundations_are_seen_from_the_body():
 def over(gap):
     """The foundation below the cube, by its gap at the corners."""
     down = np.tile([0.0, 0.0, -1.0], (4, 1))
-    return FoundationSurface(CUBE[:4], down, np.array(gap), np.array([[0, 1, 3, 2]]))
+    return Foundation(CUBE[:4], down, np.array(gap), np.full(4, True), np.array([[0, 1, 3, 2]]))
 
 
 @pytest.mark.parametrize(("old", "message"), [(False, "is drawn by PyVista"), (True, "needs a display")])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -11,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import Delaunay
 
-from signorini_fx.addons.pictures.style import readable
-from signorini_fx.tuned import SAME_LENGTH, SEEN_AS_IT_IS
+from signorini_fx.tuned import SAME_LENGTH
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
@@ -93,7 +91,6 @@ class DrawnBody:
     values: Mapping[str, Floats]
     recovered: bool  # whether the stress is the recovered one; else it is that of each cell
     outline: Rows | None = None  # in 2D pairs of points along the boundary of the body, shape (e, 2)
-    parted: float = 0.0  # the largest gap that has closed between two bodies, length, see ``factor``
 
     def with_mirror_image(self) -> DrawnBody:
         """The section of an axisymmetric body with that on the other side of the axis, which is x[0] = 0."""
@@ -130,23 +127,13 @@ class DrawnBody:
         """Its diagonal, length."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0))) if len(self.points) else 0.0
 
-    @property
-    def factor(self) -> float:
-        """A factor that makes the displacement visible: the largest becomes about 8 % of the diagonal.
-
-        Two bodies that touch seem to be apart, or to overlap, by at most 0.3 % of the diagonal.  It is 1, 2 or 5 times
-        a power of ten; 1 for a body that does not move but for round-off of its size, or whose displacement is seen as
-        it is, above 3 % of the diagonal.
-        """
-        largest = float(np.linalg.norm(self.displacement, axis=1).max(initial=0.0))
-        if not (math.isfinite(largest) and largest > np.finfo(np.float64).eps * self.size):
-            return 1.0
-        ideal = 0.08 * self.size / largest
-        if self.parted > 0:
-            ideal = min(ideal, 0.003 * self.size / self.parted)
-        return readable(ideal) if ideal > SEEN_AS_IT_IS else 1.0
-
     def moved(self, factor: float) -> Floats:
         """The points with the displacement times a factor; a failed solve may have left anything behind."""
         moved = self.points + factor * self.displacement
         return np.where(np.isfinite(moved), moved, self.points)
+
+
+def normals_of(points: Floats, facets: Rows) -> Floats:
+    """Normals of polygons by the order of their corners, as long as their areas, shape (m, 3)."""
+    corners = points[facets] - points[facets].mean(axis=1, keepdims=True)
+    return np.asarray(0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))

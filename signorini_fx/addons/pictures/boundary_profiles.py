@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate, groupby, pairwise
 from typing import Any
 
 import matplotlib as mpl
@@ -32,9 +33,11 @@ from signorini_fx.addons.pictures.style import (
     unit_of,
 )
 from signorini_fx.machine.result_files import Table
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
 
+Rows = npt.NDArray[np.int64]
 AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
 STATES = {
@@ -59,6 +62,10 @@ class ContactColumns:
     def floats(self, name: str) -> Floats:
         """A numeric column, shape (n,)."""
         return np.asarray(self.columns[name], dtype=np.float64)
+
+    def vectors(self, begin: str) -> Floats:
+        """Columns of which the names end with an axis, shape (n, d)."""
+        return np.column_stack([self.floats(f"{begin}{axis}") for axis in "xyz" if f"{begin}{axis}" in self.columns])
 
     @property
     def has_friction(self) -> bool:
@@ -97,6 +104,17 @@ class ContactColumns:
         return [str(key) for key in np.where(self.touching, closed, "open")]
 
 
+def by_boundary(table: Table, polygons: Rows) -> Iterator[tuple[ContactColumns, Rows]]:
+    """Each contact boundary in 3D with its polygons; ``polygons``: rows of the table, shape (m, k)."""
+    names = table["boundary"]
+    for name in dict.fromkeys(map(str, names)):
+        rows = np.flatnonzero(names == name)
+        number = np.full(len(names), -1)
+        number[rows] = np.arange(len(rows))
+        columns = {key: column[rows] for key, column in table.items()}
+        yield ContactColumns(plain(name), columns), number[polygons[names[polygons[:, 0]] == name]]
+
+
 @dataclass(frozen=True)
 class PlaneBoundary(ContactColumns):
     """One of the plane: the coordinate to draw against, its label, and where its connected pieces start."""
@@ -111,31 +129,28 @@ class PlaneBoundary(ContactColumns):
             np.insert(self.coordinate, self.starts[1:], np.nan), np.insert(values, self.starts[1:], np.nan), **style
         )
 
-    @property
-    def window(self) -> tuple[float, float] | None:
-        """The part of the coordinate around the nodes in contact, if that is a small part of the whole."""
-        low, high = float(self.coordinate.min()), float(self.coordinate.max())
-        inside = self.coordinate[self.touching]
-        if not inside.size:
-            return None
-        first, last = float(inside.min()), float(inside.max())
-        spacing = (high - low) / max(len(self.coordinate) - 1, 1)
-        around = 0.75 * (last - first) + 2 * min(spacing, 0.02 * (high - low))
-        away = np.sort(np.maximum(first - self.coordinate, self.coordinate - last))
-        around = max(around, float(away[:_FEWEST][-1]))
-        first, last = max(first - around, low), min(last + around, high)
-        return (first, last) if last - first < SMALL_PART * (high - low) else None
+    def at(self, rows: Rows) -> PlaneBoundary:
+        """Some nodes, which are connected where they are neighbours."""
+        piece = np.searchsorted(self.starts, rows, side="right")
+        apart = (np.abs(np.diff(rows)) > 1) | (np.diff(piece) != 0)
+        columns = {key: column[rows] for key, column in self.columns.items()}
+        starts = [0, *(np.flatnonzero(apart) + 1).tolist()]
+        return replace(self, columns=columns, coordinate=self.coordinate[rows], starts=starts)
 
     def near(self) -> PlaneBoundary:
-        """The nodes in the window; the whole boundary if there is none."""
-        if self.window is None:
+        """The nodes around those in contact, if these are on a small part of the whole; else all of them."""
+        x = self.coordinate
+        inside, whole = x[self.touching], float(np.ptp(x))
+        if not inside.size:
             return self
-        first, last = self.window
-        rows = np.flatnonzero((self.coordinate >= first) & (self.coordinate <= last))
-        piece = np.searchsorted(self.starts, rows, side="right")
-        starts = [0, *(int(k) + 1 for k in np.flatnonzero((np.diff(rows) > 1) | (np.diff(piece) > 0)))]
-        columns = {key: np.asarray(column)[rows] for key, column in self.columns.items()}
-        return PlaneBoundary(self.name, columns, self.coordinate[rows], f"{self.label}, the part in contact", starts)
+        first, last = float(inside.min()), float(inside.max())
+        around = 0.75 * (last - first) + 2 * min(whole / max(len(x) - 1, 1), 0.02 * whole)
+        away = np.sort(np.maximum(first - x, x - last))
+        around = max(around, float(away[:_FEWEST][-1]))
+        first, last = max(first - around, float(x.min())), min(last + around, float(x.max()))
+        if last - first >= SMALL_PART * whole:
+            return self
+        return replace(self.at(np.flatnonzero((x >= first) & (x <= last))), label=f"{self.label}, the part in contact")
 
 
 # A name for the legend, "" for none, values at the nodes, and the style of the line.
@@ -204,7 +219,7 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
 
 
 @mpl.rc_context(STYLE)
-def boundary_profiles(table: Table) -> Figure:
+def boundary_profiles(table: ContactTable) -> Figure:
     """Draw the curves along the contact boundary, one block per boundary.
 
     Left: contact pressure lambda, and below it the normal displacement
@@ -212,8 +227,7 @@ def boundary_profiles(table: Table) -> Figure:
     tangential displacement; where there is one also around the axis.  Stresses and lengths have axes of their own.
     Foundation and bounds are cut off where they lie far beyond the other curves.  The strip shows the state of the
     contact.  Without friction there is only the left column.  If little of a boundary is in contact, only the
-    surroundings of that part are drawn, and the coordinate says so.  ``table``: columns of ``contact.csv``, nodes in
-    order along each boundary.
+    surroundings of that part are drawn, and the coordinate says so.
     """
     boundaries = [boundary.near() for boundary in boundaries_of(table)]
     rubs = any(boundary.has_friction for boundary in boundaries)
@@ -251,51 +265,32 @@ def state_legend(figure: Figure, states: set[str]) -> None:
     figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), handlelength=1.6)
 
 
-def boundaries_of(table: Table) -> list[PlaneBoundary]:
-    """The boundaries in the order in which they appear."""
-    names = [str(name) for name in table["boundary"]]
+def boundaries_of(table: ContactTable) -> list[PlaneBoundary]:
+    """The boundaries in 2D in the order in which they appear; a closed piece ends with its first row."""
+    paths = defaultdict[str, list[Rows]](list)
+    for path in table.paths:
+        paths[str(table.columns["boundary"][path[0]])].append(path)
     boundaries = []
-    for name in dict.fromkeys(names):
-        on_boundary = np.array([label == name for label in names])
-        columns = _closed({key: np.asarray(column)[on_boundary] for key, column in table.items()})
-        x, y, s = (np.asarray(columns[key], dtype=np.float64) for key in ("x", "y", "s"))
-        starts = _starts(s)
-        if np.ptp(y) <= 1e-9 * np.ptp(x):
-            boundaries.append(PlaneBoundary(plain(name), columns, x, "$x$", starts))
-        else:
-            offset = np.zeros_like(s)
-            for start in starts[1:]:
-                offset[start:] += s[start - 1]
-            boundaries.append(PlaneBoundary(plain(name), columns, s + offset, "arc length $s$", starts))
+    for name, pieces in paths.items():
+        rows, starts = np.concatenate(pieces), [0, *accumulate(map(len, pieces))][:-1]
+        columns = {key: column[rows] for key, column in table.columns.items()}
+        arcs = [table.arc(path) for path in pieces]
+        before = accumulate((float(arc[-1]) for arc in arcs), initial=0.0)
+        s = np.concatenate([arc + start for arc, start in zip(arcs, before, strict=False)])
+        flat = np.ptp(columns["y"]) <= 1e-9 * np.ptp(columns["x"])
+        along = (columns["x"], "$x$") if flat else (s, "arc length $s$")
+        boundaries.append(PlaneBoundary(plain(name), columns, *along, starts))
     return boundaries
-
-
-def _starts(s: Floats) -> list[int]:
-    """Where connected pieces start: the arc length starts again at 0 with each of them."""
-    return [0, *(int(k) + 1 for k in np.flatnonzero(np.diff(s) <= 0))]
-
-
-def _closed(columns: Table) -> Table:
-    """The columns of a boundary with the first row of each closed piece once more at its end."""
-    s, to_next = (np.asarray(columns[key], dtype=np.float64) for key in ("s", "to_next"))
-    rows, along = list[int](), list[float]()
-    for first, end in itertools.pairwise([*_starts(s), len(s)]):
-        rows += range(first, end)
-        along += list(s[first:end])
-        if to_next[end - 1] > 0:
-            rows.append(first)
-            along.append(float(s[end - 1] + to_next[end - 1]))
-    return {key: np.asarray(column)[rows] for key, column in columns.items()} | {"s": np.array(along)}
 
 
 def state_strip(axes: Axes, boundary: PlaneBoundary) -> None:
     """Every node colours the boundary up to halfway to its neighbours; nodes of equal state are one rectangle."""
     states = boundary.states
-    for first, end in itertools.pairwise([*boundary.starts, len(states)]):
+    for first, end in pairwise([*boundary.starts, len(states)]):
         x = boundary.coordinate[first:end]
         borders = np.concatenate((x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]))
         start = 0
-        for state, run in itertools.groupby(states[first:end]):
+        for state, run in groupby(states[first:end]):
             stop = start + len(list(run))
             axes.axvspan(borders[start], borders[stop], color=STATES[state][0], linewidth=0)
             start = stop

@@ -17,7 +17,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.boundary_profiles import STATES, ContactColumns, state_legend
+from signorini_fx.addons.pictures.boundary_profiles import STATES, ContactColumns, by_boundary, state_legend
 from signorini_fx.addons.pictures.marks import spaced, usual_range
 from signorini_fx.addons.pictures.style import (
     INK,
@@ -57,14 +57,14 @@ class VisibleSide(ContactColumns):
     polygons: Rows
     view: view.View  # along the outward normal, so from within the body
 
-    def vectors(self, name: str) -> Floats:
-        """A vector at every node, in the picture, shape (n, 2)."""
-        return self.view.flat(np.column_stack([self.floats(f"{name}_{axis}") for axis in "xyz"]))
+    def flat(self, begin: str) -> Floats:
+        """Vectors at the nodes, in the picture, shape (n, 2)."""
+        return self.view.flat(self.vectors(begin))
 
     @property
     def nodes(self) -> Floats:
         """Nodes in the picture, shape (n, 2)."""
-        return self.view.flat(np.column_stack([self.floats(axis) for axis in "xyz"]))
+        return self.flat("")
 
     @property
     def shown(self) -> npt.NDArray[np.bool_]:
@@ -81,25 +81,18 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
     side as well, if anything is in contact there.
     """
     polygons = facets[:, _POLYGONS[facets.shape[1]]].reshape(-1, len(_POLYGONS[facets.shape[1]][0]))
-    names = np.asarray(table["boundary"])
     sides = []
-    for name in dict.fromkeys(map(str, names)):
-        rows = np.flatnonzero(names == name)
-        columns = {key: np.asarray(column)[rows] for key, column in table.items()}
-        number = np.full(len(names), -1)
-        number[rows] = np.arange(len(rows))
-        of_boundary = number[polygons[names[polygons[:, 0]] == name]]
-        normal = np.column_stack([np.asarray(columns[f"n_{axis}"], dtype=np.float64) for axis in "xyz"])
-        weight = np.asarray(columns["weight"], dtype=np.float64)
-        touching = weight * (columns["state"] != "open")
+    for boundary, of_boundary in by_boundary(table, polygons):
+        columns, normal, weight = boundary.columns, boundary.vectors("n_"), boundary.floats("weight")
+        touching = weight * boundary.touching
         sights = [by @ normal / by.sum() for by in (touching, weight) if by.sum() > 0]
         # Practically closed: the coordinate axis that it faces most.
         sights.append(np.eye(3)[np.argmax(weight @ normal**2)])
         sight = next(sight for sight in sights if np.linalg.norm(sight) > CLOSED_IN_PICTURE)
         forth = normal[of_boundary].mean(axis=1) @ -view.along(sight).toward >= -1e-6
-        sides.append(VisibleSide(plain(name), columns, of_boundary[forth], view.along(sight)))
+        sides.append(VisibleSide(boundary.name, columns, of_boundary[forth], view.along(sight)))
         if np.any(touching[of_boundary[~forth]] > 0):
-            sides.append(VisibleSide(plain(name), columns, of_boundary[~forth], view.along(-sight)))
+            sides.append(VisibleSide(boundary.name, columns, of_boundary[~forth], view.along(-sight)))
     return sides
 
 
@@ -197,7 +190,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
     axes.add_collection(_rim(side), autolim=False)
     text = heading if len(triangles) else f"{heading}: nothing in contact"
     if side.has_friction:
-        shear = side.vectors("shear")
+        shear = side.flat("shear_")
         longest = largest_of(side.floats("shear"))
         drawn = _arrows(axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high)
         if drawn > 0:
@@ -215,7 +208,7 @@ def _state_panel(axes: Axes, side: VisibleSide, low: Floats, high: Floats, headi
     axes.add_collection(regions, autolim=False)
     axes.add_collection(_rim(side), autolim=False)
     moving = side.shown & np.asarray(side.columns["friction"] == "slip")
-    slip = side.vectors("slip")
+    slip = side.flat("slip_")
     text = heading
     longest = float(np.linalg.norm(slip[moving], axis=1).max(initial=0.0))
     if longest > 0:

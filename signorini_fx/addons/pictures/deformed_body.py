@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection, TriMesh
 from matplotlib.figure import Figure
@@ -16,66 +14,21 @@ from matplotlib.tri import Triangulation
 
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.pictures.foundation import Foundation, magnification, magnified
 from signorini_fx.addons.pictures.marks import Largest, Tones, mark_largest, usual_range
-from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats, math_number
+from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats
 from signorini_fx.mechanics.statement.units import bracketed
-from signorini_fx.tuned import SHARP_EDGE, SMALL_PART, SMALL_ZONE, VISIBLE_CELL
+from signorini_fx.tuned import SMALL_ZONE, VISIBLE_CELL
 
-_BENT = math.cos(math.radians(SHARP_EDGE))
 _TRIANGLES = 15_000  # of which a field is made up at least
 _FAINT = (0.0, 0.0, 0.0, 0.22)
 _WIDEST = {1: 4.8, 2: 2.6}  # inches of a panel, by their number
 Window = tuple[Floats, Floats]
 
 
-def keeps_shape(added: float, size: float, real: Floats, drawn: Floats) -> bool:
-    """Whether a foundation keeps its shape where its gap is magnified: it is drawn so much farther away, and its pieces
-    have directions, along or perpendicular to them, shape (m, d).
-    """
-    lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
-    return added <= SMALL_PART * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
-
-
-@dataclass(frozen=True)
-class DrawnFoundation:
-    """The contact boundary and what it may touch."""
-
-    nodes: Floats  # positions of the contact nodes, length, in order along each boundary, shape (k, 2)
-    offset: Floats  # the vector d n from each to the rigid foundation, or to the other body, length, shape (k, 2)
-    touching: npt.NDArray[np.bool_]  # nodes in contact, shape (k,)
-    other: npt.NDArray[np.bool_]  # nodes that may touch another body, which is drawn itself, shape (k,)
-    shaped: npt.NDArray[np.bool_]  # nodes whose foundation is among ``lines``, shape (k,)
-    # whole foundations where they are, each of shape (k, 2), the body on its left: they are drawn instead of what is
-    # opposite of the nodes where nothing is magnified
-    lines: Sequence[Floats] = ()
-
-    def pieces(self) -> list[DrawnFoundation]:
-        """Connected parts of the boundary."""
-        finite = np.isfinite(self.nodes).all(axis=1) & np.isfinite(self.offset).all(axis=1)
-        parts = [part[finite] for part in (self.nodes, self.offset, self.touching, self.other, self.shaped)]
-        # From one boundary to the next the step is nought or much longer than those before and after.
-        steps = np.concatenate(([0.0], np.hypot(*np.diff(parts[0], axis=0).T), [0.0]))
-        usual, inner = np.maximum(steps[:-2], steps[2:]), steps[1:-1]
-        apart = (inner == 0) | ((inner > 4 * usual) & (usual > 0)) | np.diff(parts[3]) | np.diff(parts[4])
-        split = zip(*(np.split(part, np.flatnonzero(apart) + 1) for part in parts), strict=True)
-        return [DrawnFoundation(*piece) for piece in split if len(piece[0]) > 1]
-
-    def with_mirror_image(self) -> DrawnFoundation:
-        """Behind that on the other side of the axis, which is x[0] = 0, in the other order: the body is on the left."""
-        nodes, offset = (np.concatenate((part[::-1] * (-1.0, 1.0), part)) for part in (self.nodes, self.offset))
-        touching, other, shaped = (np.append(part[::-1], part) for part in (self.touching, self.other, self.shaped))
-        lines = [*self.lines, *(line[::-1] * (-1.0, 1.0) for line in self.lines)]
-        return DrawnFoundation(nodes, offset, touching, other, shaped, lines)
-
-    def looks_like_itself(self, factor: float, size: float) -> bool:
-        """Whether a connected part keeps its shape where its gap is times a factor; ``size``: of the body, length."""
-        real, drawn = (np.diff(self.nodes + scale * self.offset, axis=0) for scale in (1.0, factor))
-        return keeps_shape((factor - 1) * float(np.hypot(*self.offset.T).max()), size, real, drawn)
-
-
 @mpl.rc_context(STYLE)
 def deformed_mesh(
-    body: DrawnBody, name: str, *, foundation: DrawnFoundation | None = None, largest: Largest | None = None
+    body: DrawnBody, name: str, *, foundations: Sequence[Foundation] = (), largest: Largest | None = None
 ) -> tuple[Figure, str]:
     """Draw the deformed mesh on its foundation, a field in colours; and say what is magnified.
 
@@ -90,14 +43,10 @@ def deformed_mesh(
     bar says that there is more.  A circle marks the largest value, and a gray line is the outline of the undeformed
     body, whose coordinates stand at the axes.  ``name``: of the field, in ``FIELDS``.
     """
-    pieces = [] if foundation is None else foundation.pieces()
-    factor = body.factor
-    if not all(piece.looks_like_itself(factor, body.size) for piece in pieces):
-        factor = 1.0
-    shapes = () if foundation is None else foundation.lines
-    seen = _window(body, factor, _foundations(body, pieces, shapes, factor))
-    panels, remark = [(factor, seen)], _remark(pieces, factor)
-    zone, moved = _small_zone(pieces, body.size), body.moved(factor)
+    factor = magnification(body, foundations)
+    seen = _window(body, factor, _lines(foundations, factor))
+    panels, remark = [(factor, seen)], magnified(foundations, factor)
+    zone, moved = _small_zone(foundations, body.size), body.moved(factor)
     field, ends = FIELDS[name].labelled(recovered=body.recovered), None
     if zone is not None:  # the scale is that of what is enlarged
         panels.append((1.0, zone))
@@ -116,8 +65,8 @@ def deformed_mesh(
     grid = figure.subplots(1, len(panels), squeeze=False, width_ratios=widths)[0]
     for axes, (scale, (low, high)), width in zip(grid, panels, widths, strict=True):
         _draw_body(axes, body, name, tones, scale, inch=width / float(high[0] - low[0]))
-        for line, side in _foundations(body, pieces, shapes, scale):
-            _draw_foundation(axes, line, side, 0.035 * float(np.max(high - low)))
+        for line in _lines(foundations, scale):
+            _draw_foundation(axes, line, 0.035 * float(np.max(high - low)))
         undeformed = "" if scale == 1 else ", undeformed"
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axes.set(xlabel=f"$x${undeformed}{bracketed('length')}", ylabel=f"$y${undeformed}{bracketed('length')}")
@@ -130,15 +79,9 @@ def deformed_mesh(
     return figure, remark
 
 
-def _remark(pieces: Sequence[DrawnFoundation], factor: float) -> str:
-    """What is magnified."""
-    gap = " and gap" if factor != 1 and any(not piece.other.any() for piece in pieces) else ""
-    return f"displacement{gap} $\\times\\,{math_number(factor)}$"
-
-
-def _small_zone(pieces: Sequence[DrawnFoundation], size: float) -> Window | None:
+def _small_zone(foundations: Sequence[Foundation], size: float) -> Window | None:
     """Lowest and highest coordinates around what is in contact; None if that is no small part of the body."""
-    nodes = np.concatenate([np.empty((0, 2)), *(piece.nodes[piece.touching] for piece in pieces)])
+    nodes = np.concatenate([np.empty((0, 2)), *(part.nodes[part.touching] for part in foundations)])
     low, high = nodes.min(axis=0, initial=np.inf), nodes.max(axis=0, initial=-np.inf)
     if not 0 < np.hypot(*(high - low)) < SMALL_ZONE * size or not len(nodes):
         return None
@@ -146,23 +89,21 @@ def _small_zone(pieces: Sequence[DrawnFoundation], size: float) -> Window | None
     return low - around, high + around
 
 
-def _foundations(
-    body: DrawnBody, pieces: Sequence[DrawnFoundation], shapes: Sequence[Floats], factor: float
-) -> list[tuple[Floats, float]]:
-    """The lines of rigid foundations, and on which side of each the body is, see ``_side_of_body``."""
-    shapes = shapes if factor == 1 else ()
-    centres = body.points[body.perimeters].mean(axis=1)
-    opposite = [piece for piece in pieces if not (piece.other.any() or (shapes and piece.shaped.all()))]
-    lines = [(piece.nodes + factor * piece.offset, _side_of_body(piece.nodes, centres)) for piece in opposite]
-    return [*lines, *((line, 1.0) for line in shapes)]
+def _lines(foundations: Sequence[Foundation], factor: float) -> list[Floats]:
+    """The rigid foundations, the body on the left of each line; the whole of one where nothing is magnified."""
+    lines: list[Floats] = []
+    for part in foundations:
+        if part.rigid:
+            lines += [part.drawn(factor)] if factor != 1 or part.surface is None else part.surface
+    return lines
 
 
-def _window(body: DrawnBody, factor: float, lines: Sequence[tuple[Floats, float]]) -> Window:
+def _window(body: DrawnBody, factor: float, lines: Sequence[Floats]) -> Window:
     """What is seen: the body, and a foundation that runs far away not much further than that."""
     points = np.concatenate((body.moved(factor), body.points))
     low, high = points.min(axis=0), points.max(axis=0)
     around = 0.3 * float(max(high - low))
-    everything = np.concatenate([points, *(np.clip(line, low - around, high + around) for line, _ in lines)])
+    everything = np.concatenate([points, *(np.clip(line, low - around, high + around) for line in lines)])
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.035 * float(max(high - low))
     return low - margin, high + margin
@@ -203,16 +144,6 @@ def _refined(corners: Floats, enough: int) -> Floats:
     return corners
 
 
-def _side_of_body(nodes: Floats, centres: Floats) -> float:
-    """+1 if the body, cells with centres of shape (m, 2), lies to the left of a piece of its boundary, else -1."""
-    votes = 0.0
-    for k in np.unique(np.linspace(0, len(nodes) - 2, 9).astype(int)):
-        ahead, middle = nodes[k + 1] - nodes[k], 0.5 * (nodes[k + 1] + nodes[k])
-        towards = centres[np.argmin(((centres - middle) ** 2).sum(axis=1))] - middle
-        votes += math.copysign(1.0, ahead[0] * towards[1] - ahead[1] * towards[0])
-    return math.copysign(1.0, votes)
-
-
 def _areas(corners: Floats) -> Floats:
     """Areas of polygons of shape (m, k, 2)."""
     x, y = corners[..., 0], corners[..., 1]
@@ -220,8 +151,8 @@ def _areas(corners: Floats) -> Floats:
     return 0.5 * twice
 
 
-def _draw_foundation(axes: Axes, line: Floats, side: float, length: float) -> None:
-    """A line of shape (k, 2), with short strokes on its right (``side`` 1: the body is on its left) or left (-1)."""
+def _draw_foundation(axes: Axes, line: Floats, length: float) -> None:
+    """A line of shape (k, 2), with short strokes on its right; the body is on its left."""
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
     if not along[-1] > 0:
         return
@@ -233,8 +164,8 @@ def _draw_foundation(axes: Axes, line: Floats, side: float, length: float) -> No
         for where in (at, at - step, at + step)
     )
     tangent = (ahead - behind) / np.maximum(np.hypot(*(ahead - behind).T), 1e-300)[:, None]
-    away = side * np.column_stack((tangent[:, 1], -tangent[:, 0]))
-    tips = feet + 0.45 * length * (away - side * tangent)
+    away = np.column_stack((tangent[:, 1], -tangent[:, 0]))
+    tips = feet + 0.45 * length * (away - tangent)
     strokes = LineCollection(list(np.stack((feet, tips), axis=1)), colors=INK, linewidths=0.5, zorder=4)
     axes.add_collection(strokes, autolim=False)
     axes.plot(*line.T, color=INK, linewidth=1.2, zorder=5, solid_capstyle="round")

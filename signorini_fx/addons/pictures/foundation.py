@@ -1,84 +1,126 @@
-"""The foundation of a body in 3D, where it is and where it is drawn."""
+"""The foundation of a body, where it is and where it is drawn, and how much is magnified."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.deformed_body import keeps_shape
-from signorini_fx.addons.pictures.style import Floats
-from signorini_fx.addons.pictures.view import normals_of
-from signorini_fx.tuned import SURFACE_MARGIN
+from signorini_fx.addons.pictures.body import DrawnBody, Rows, normals_of
+from signorini_fx.addons.pictures.boundary_profiles import ContactColumns, boundaries_of, by_boundary
+from signorini_fx.addons.pictures.style import Floats, math_number, readable
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.results.fields import facets_of
+from signorini_fx.tuned import SEEN_AS_IT_IS, SHARP_EDGE, SMALL_PART
 
-Rows = npt.NDArray[np.int64]
+_BENT = math.cos(math.radians(SHARP_EDGE))
 
 
 @dataclass(frozen=True)
-class FoundationSurface:
-    """A contact boundary in 3D and what it may touch."""
+class Foundation:
+    """A contact boundary and what it may touch; in 2D a connected part of it, the body on its left."""
 
-    nodes: Floats  # positions of the contact nodes, length, shape (k, 3)
-    normals: Floats  # towards the foundation, shape (k, 3)
-    gap: Floats  # d from each node along its normal to the foundation, length, shape (k,)
-    facets: Rows  # nodes of each facet of the boundary, in order along its perimeter, shape (m, 3) or (m, 4)
-    # points and polygons of the whole foundation near the body, counterclockwise as seen from there; None: only what is
-    # opposite of the nodes is known
-    surface: tuple[Floats, Rows] | None = None
+    nodes: Floats  # positions of the contact nodes, length, in 2D in order, shape (k, d)
+    normals: Floats  # towards what they may touch, shape (k, d)
+    gap: Floats  # d from each node along its normal to that, length, shape (k,)
+    touching: npt.NDArray[np.bool_]  # nodes in contact, shape (k,)
+    facets: Rows | None = None  # in 3D nodes of each facet, in order along its perimeter, shape (m, 3) or (m, 4)
+    rigid: bool = True  # False: another body, which is drawn itself
+    # the whole of a rigid one near the body, see ``drawn_shapes``; None: only what is opposite of the nodes is known
+    surface: Any = None
 
     def drawn(self, factor: float) -> Floats:
-        """The foundation at the nodes with the gap times a factor, shape (k, 3)."""
+        """What is opposite of the nodes with the gap times a factor, shape (k, d)."""
         return np.asarray(self.nodes + factor * self.gap[:, None] * self.normals)
 
-    @property
-    def is_plane(self) -> bool:
-        """Whether what is opposite of the nodes lies in a plane."""
-        return plane_of(self.drawn(1.0)) is not None
+    def keeps_shape(self, factor: float, size: float) -> bool:
+        """Whether it looks like itself with the gap times a factor; ``size``: of the body, length."""
+        real, drawn = (self._directions(self.drawn(scale)) for scale in (1.0, factor))
+        lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
+        farther = (factor - 1) * float(np.abs(self.gap).max(initial=0.0))
+        return farther <= SMALL_PART * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
 
-    def shape(self, factor: float) -> tuple[Floats, Rows]:
-        """Points and polygons to draw, counterclockwise as seen from the body; of a plane a rectangle around it.
+    def _directions(self, points: Floats) -> Floats:
+        """Along the sides in 2D, normals of the facets in 3D."""
+        return np.diff(points, axis=0) if self.facets is None else normals_of(points, self.facets)
 
-        The whole foundation is drawn where it is only, with a factor of 1.
-        """
-        points = self.drawn(factor)
-        rectangle = plane_of(points)
-        if rectangle is None and factor == 1 and self.surface is not None:
-            return self.surface
-        if rectangle is None:
-            return points, self._towards_body(points)
-        inwards = -self.normals.mean(axis=0)
-        order = np.arange(4)[:: 1 if normals_of(rectangle, np.arange(4)[None])[0] @ inwards > 0 else -1]
-        return rectangle, order[None].astype(np.int64)
-
-    def _towards_body(self, points: Floats) -> Rows:
-        """The facets in the order in which they face the body."""
-        outwards = np.einsum("ij,ij->i", normals_of(points, self.facets), self.normals[self.facets].sum(axis=1)) > 0
-        return np.where(outwards[:, None], self.facets[:, ::-1], self.facets)
-
-    def looks_like_itself(self, factor: float, size: float) -> bool:
-        """Whether it keeps its shape where its gap is times a factor; ``size``: of the body, length."""
-        real, drawn = (normals_of(self.drawn(scale), self.facets) for scale in (1.0, factor))
-        return keeps_shape((factor - 1) * float(np.abs(self.gap).max(initial=0.0)), size, real, drawn)
+    def mirrored(self) -> list[Foundation]:
+        """In 2D with that on the other side of the axis, which is x[0] = 0, in one line if it begins or ends there."""
+        own = {name: getattr(self, name) for name in ("nodes", "normals", "gap", "touching")}
+        # In the other order, so that the body is on the left.
+        image = {name: rows[::-1] * (-1.0, 1.0) if rows.ndim == 2 else rows[::-1] for name, rows in own.items()}
+        surface = self.surface and [*self.surface, *(line[::-1] * (-1.0, 1.0) for line in self.surface)]
+        for one, other in ((image, own), (own, image)):
+            last, end, start = *one["nodes"][-2:], other["nodes"][0]
+            if np.hypot(*(start - end)) <= 4 * np.hypot(*(end - last)):  # the axis itself has no contact points
+                joined = {name: np.concatenate((rows, other[name])) for name, rows in one.items()}
+                return [replace(self, **joined, surface=surface)]
+        return [replace(self, surface=surface), replace(self, **image, surface=surface)]
 
 
-def plane_of(points: Floats) -> Floats | None:
-    """Corners of a rectangle around points that lie in a plane, in order along its perimeter, shape (4, 3)."""
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) < 3:
-        return None
-    middle = points.mean(axis=0)
-    _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
-    if size[2] > 1e-3 * size[1] or not size[1] > 0:
-        return None
-    seen = view.along(axes[2])
-    if abs(seen.toward @ axes[2]) < 1 - 1e-6:  # next to a coordinate axis, and not along it
-        seen = view.View(axes[0], axes[1], axes[2])
-    flat = seen.flat(points)
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = SURFACE_MARGIN * float(max(high - low))
-    (left_edge, bottom), (right_edge, top) = low - margin, high + margin
-    height = float(middle @ seen.toward)
-    corners = [(left_edge, bottom), (right_edge, bottom), (right_edge, top), (left_edge, top)]
-    return np.array([r * seen.right + u * seen.up + height * seen.toward for r, u in corners])
+def foundations_of(
+    table: ContactTable, tools: Mapping[str, Callable[[Floats], Floats]], shapes: Mapping[str, Any]
+) -> list[Foundation]:
+    """What each contact boundary may touch, in 2D each connected part of it.
+
+    Args:
+        table: the contact boundary.
+        tools: how the rigid tool of a boundary has moved at points of shape (n, d).
+        shapes: the whole foundation of a boundary, see ``drawn_shapes``.
+    """
+    foundations = []
+    for boundary, facets in _parts(table):
+        nodes, normals, name = boundary.vectors(""), boundary.vectors("n_"), str(boundary.columns["boundary"][0])
+        gap = boundary.floats("gap")
+        if name in tools:  # of its motion that along the normals is seen
+            gap = gap + np.sum(normals * tools[name](nodes), axis=1)
+        known = nodes, normals, gap, boundary.touching, facets
+        foundations.append(Foundation(*known, not boundary.against, shapes.get(name)))
+    return foundations
+
+
+def _parts(table: ContactTable) -> Iterator[tuple[ContactColumns, Rows | None]]:
+    """The boundaries in 3D with their facets, or the connected parts of those in 2D that have a gap."""
+    if table.facets is not None:
+        yield from by_boundary(table.columns, facets_of(table)[:, :4])  # those of VTK begin with their corners
+        return
+    for boundary in boundaries_of(table):
+        known = boundary.at(np.flatnonzero(np.isfinite(boundary.floats("gap"))))
+        for first, end in pairwise([*known.starts, len(known.coordinate)]):
+            part = known.at(np.arange(first, end))
+            (x, y), (right, up) = np.diff(part.vectors(""), axis=0).T, part.vectors("n_")[1:].T
+            if x @ up > y @ right:  # normals to the left of the way: it is to be the other one
+                part = part.at(np.arange(end - first)[::-1])
+            if end - first > 1:
+                yield part, None
+
+
+def magnification(body: DrawnBody, foundations: Sequence[Foundation]) -> float:
+    """A factor that makes the displacement visible: the largest becomes about 8 % of the diagonal.
+
+    It is 1, 2 or 5 times a power of ten.  Two bodies that touch seem to be apart, or to overlap, by at most 0.3 % of
+    the diagonal.  It is 1 for a body that does not move but for round-off of its size, or whose displacement is seen as
+    it is, above 3 % of the diagonal; and where it would bend a rigid foundation visibly, whose gap is magnified alike.
+    """
+    largest = float(np.linalg.norm(body.displacement, axis=1).max(initial=0.0))
+    if not (math.isfinite(largest) and largest > np.finfo(np.float64).eps * body.size):
+        return 1.0
+    ideal = 0.08 * body.size / largest
+    pairs = [part for part in foundations if not part.rigid]
+    closed = [np.abs(part.gap).max(initial=0.0, where=part.touching & np.isfinite(part.gap)) for part in pairs]
+    if parted := float(max(closed, default=0.0)):
+        ideal = min(ideal, 0.003 * body.size / parted)
+    factor = readable(ideal) if ideal > SEEN_AS_IT_IS else 1.0
+    rigid = [part for part in foundations if part.rigid]
+    return factor if all(part.keeps_shape(factor, body.size) for part in rigid) else 1.0
+
+
+def magnified(foundations: Sequence[Foundation], factor: float) -> str:
+    """What is magnified, in words."""
+    gap = " and gap" if factor != 1 and any(part.rigid for part in foundations) else ""
+    return f"displacement{gap} $\\times\\,{math_number(factor)}$"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,13 +16,14 @@ from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.machine import parallel
 from signorini_fx.machine.result_files import Table
 from signorini_fx.machine.terminal import say
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import labelled
+from signorini_fx.results.fields import facets_of
 from signorini_fx.results.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from signorini_fx.addons.pictures.foundation import FoundationSurface
     from signorini_fx.addons.pictures.marks import Largest
     from signorini_fx.addons.pictures.setup import Setup
 
@@ -117,13 +118,12 @@ class ResultPictures:
     def draw(
         self,
         folder: Path,
-        contact: Table | None = None,
-        facets: npt.NDArray[np.int64] | None = None,
-        steps: Table | None = None,
-        largest: tuple[Sequence[float], str] | None = None,
+        contact: ContactTable | None,
+        steps: Table | None,
+        largest: tuple[Sequence[float], str] | None,
     ) -> None:
-        """All of them.  ``contact``: columns of contact.csv; ``facets``: its rows at each facet of a surface in 3D;
-        ``steps``: columns of steps.csv; ``largest``: where the von Mises stress is largest, and its value.
+        """All of them.  ``steps``: columns of steps.csv; ``largest``: where the von Mises stress is largest, and its
+        value.
 
         Raises:
             PictureError: a body in 3D cannot be drawn; all other pictures are there.
@@ -132,17 +132,33 @@ class ResultPictures:
             if self.setup is not None:
                 self.setup.draw(folder / "setup", self.suffixes)
                 return
-            self._draw_curves(folder, contact, facets, steps)
+            self._draw_curves(folder, contact, steps)
             if self.body is not None:
-                body = self.body if contact is None else replace(self.body, parted=_parted(contact))
-                draw = self._in_2d(body, contact) if self.dimension == 2 else self._in_3d(body, contact, facets)
-                for name in self.fields:
-                    figure, remark = draw(name=name, largest=self._marked(name, body, largest))
-                    self._write(folder / self._stem(name), figure, remark)
+                self._draw_body(self.body, folder, contact, largest)
 
-    def _draw_curves(
-        self, folder: Path, contact: Table | None, facets: npt.NDArray[np.int64] | None, steps: Table | None
+    def _draw_body(
+        self, body: DrawnBody, folder: Path, contact: ContactTable | None, largest: tuple[Sequence[float], str] | None
     ) -> None:
+        """With each field on its foundation."""
+        from signorini_fx.addons.pictures.foundation import foundations_of
+
+        foundations = [] if contact is None else foundations_of(contact, self.tools, self.shapes)
+        draw: Callable[..., tuple[Figure, str]]
+        if self.dimension == 2:
+            from signorini_fx.addons.pictures.deformed_body import deformed_mesh as draw
+        else:
+            from signorini_fx.addons.pictures.solid import deformed_solid, telling_view
+
+            draw = partial(deformed_solid, seen=telling_view(body, self.fields[0]))
+        if self.mirrored:
+            body = body.with_mirror_image()
+            foundations = [image for part in foundations for image in part.mirrored()]
+        for name in self.fields:
+            marked = self._marked(name, body, largest)
+            figure, remark = draw(body, name, foundations=foundations, largest=marked)
+            self._write(folder / ("deformed" if name == self.fields[0] else f"field_{name}"), figure, remark)
+
+    def _draw_curves(self, folder: Path, contact: ContactTable | None, steps: Table | None) -> None:
         # matplotlib takes a while to import
         from signorini_fx.addons.pictures.load_steps import errors_and_costs, load_steps
         from signorini_fx.addons.pictures.style import finish
@@ -157,10 +173,10 @@ class ResultPictures:
             from signorini_fx.addons.pictures.boundary_profiles import boundary_profiles
 
             self._write(folder / "profiles", boundary_profiles(contact))
-        elif facets is not None:
+        else:
             from signorini_fx.addons.pictures.contact_surface import contact_surface
 
-            self._write(folder / "contact_surface", contact_surface(contact, facets))
+            self._write(folder / "contact_surface", contact_surface(contact.columns, facets_of(contact)))
 
     def _write(self, path_stem: Path, figure: Figure, remark: str = "") -> None:
         from signorini_fx.addons.pictures.style import finish, plain
@@ -175,81 +191,3 @@ class ResultPictures:
         if name != "von_mises":
             return Largest.of(body, name)
         return None if largest is None else Largest(np.array(largest[0])[: self.dimension], largest[1])
-
-    def _stem(self, name: str) -> str:
-        return "deformed" if name == self.fields[0] else f"field_{name}"
-
-    def _in_2d(self, body: DrawnBody, contact: Table | None) -> Callable[..., tuple[Figure, str]]:
-        """What draws a field of the body in 2D on its foundation."""
-        from signorini_fx.addons.pictures.deformed_body import DrawnFoundation, deformed_mesh
-
-        foundation = None
-        if contact is not None:
-            nodes = np.column_stack((contact["x"], contact["y"]))
-            offset = np.column_stack((contact["n_x"], contact["n_y"])) * contact["gap"][:, None]
-            for name, moved in self.tools.items():
-                on_tool = np.asarray(contact["boundary"] == name)
-                offset[on_tool] += moved(nodes[on_tool])
-            shaped = np.isin(contact["boundary"], list(self.shapes))
-            lines = [line for drawn in self.shapes.values() for line in drawn]
-            touching = np.asarray(contact["state"] != "open")
-            foundation = DrawnFoundation(nodes, offset, touching, ~_grounded(contact), shaped, lines)
-        if self.mirrored:
-            body = body.with_mirror_image()
-            foundation = None if foundation is None else foundation.with_mirror_image()
-        return partial(deformed_mesh, body=body, foundation=foundation)
-
-    def _in_3d(
-        self, body: DrawnBody, contact: Table | None, facets: npt.NDArray[np.int64] | None
-    ) -> Callable[..., tuple[Figure, str]]:
-        """The same of a body in 3D."""
-        from signorini_fx.addons.pictures.solid import deformed_solid, telling_view
-
-        foundations = []
-        if contact is not None and facets is not None:
-            foundations = foundations_of(contact, facets, self.tools, self.shapes)
-        seen = telling_view(body, self.fields[0])
-        return partial(deformed_solid, body=body, seen=seen, foundations=foundations)
-
-
-def _grounded(contact: Table) -> npt.NDArray[np.bool_]:
-    """Which rows of contact.csv are on a rigid foundation."""
-    return np.asarray(contact["against"] == "") if "against" in contact else np.full(len(contact["boundary"]), True)
-
-
-def _parted(contact: Table) -> float:
-    """The largest gap that has closed between two bodies, length."""
-    closed = np.abs(contact["gap"][~_grounded(contact) & (contact["state"] != "open")])
-    return float(closed[np.isfinite(closed)].max(initial=0.0))
-
-
-def foundations_of(
-    c: Table,
-    facets: npt.NDArray[np.int64],
-    tools: Mapping[str, Callable[[Array], Array]],
-    shapes: Mapping[str, Any],
-) -> list[FoundationSurface]:
-    """The rigid foundation of each contact boundary in 3D that has one; ``facets`` are rows of the contact table,
-    shape (m, k).  Of the motion of a tool that along the normals is seen where it is magnified.
-    """
-    from signorini_fx.addons.pictures.foundation import FoundationSurface
-
-    nodes, normals = (np.column_stack([c[f"{name}{axis}"] for axis in "xyz"]) for name in ("", "n_"))
-    gap = np.array(c["gap"])
-    corners = facets[:, :4]  # VTK's biquadratic facets begin with their corners
-    foundations = []
-    for name in dict.fromkeys(c["boundary"][_grounded(c)]):
-        on_boundary = np.asarray(c["boundary"] == name)
-        row = np.cumsum(on_boundary) - 1
-        if name in tools:
-            gap[on_boundary] += np.sum(normals[on_boundary] * tools[name](nodes[on_boundary]), axis=1)
-        foundations.append(
-            FoundationSurface(
-                nodes[on_boundary],
-                normals[on_boundary],
-                gap[on_boundary],
-                row[corners[on_boundary[corners].all(axis=1)]],
-                shapes.get(name),
-            )
-        )
-    return foundations

@@ -18,12 +18,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from signorini_fx.addons.pictures import view
-from signorini_fx.addons.pictures.body import DrawnBody
+from signorini_fx.addons.pictures.body import DrawnBody, normals_of
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.addons.pictures.foundation import FoundationSurface
+from signorini_fx.addons.pictures.foundation import Foundation, magnification, magnified
 from signorini_fx.addons.pictures.marks import Largest, Tones, draw_lengths, mark_largest
-from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats, math_number
-from signorini_fx.addons.pictures.view import Camera, View, normals_of
+from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats
+from signorini_fx.addons.pictures.view import Camera, View
 from signorini_fx.errors import PYVISTA, PictureError
 from signorini_fx.tuned import (
     AMBIENT_LIGHT,
@@ -33,6 +33,7 @@ from signorini_fx.tuned import (
     PREFERRED_GAIN,
     SAME_LENGTH,
     SHARP_EDGE,
+    SURFACE_MARGIN,
     VISIBLE_FACET,
 )
 
@@ -63,7 +64,7 @@ def deformed_solid(
     name: str,
     *,
     seen: View,
-    foundations: Sequence[FoundationSurface] = (),
+    foundations: Sequence[Foundation] = (),
     largest: Largest | None = None,
 ) -> tuple[Figure, str]:
     """Draw the outer surface of a deformed body in 3D on its foundation; and say what is magnified.
@@ -78,17 +79,16 @@ def deformed_solid(
     Raises:
         PictureError: PyVista is missing.
     """
-    factor = body.factor
-    if not all(foundation.looks_like_itself(factor, body.size) for foundation in foundations):
-        factor = 1.0
+    factor = magnification(body, foundations)
+    rigid = [foundation for foundation in foundations if foundation.rigid]
     area = normals_of(body.points, body.triangles) @ seen.toward
     facing = area > 0
     label, corners = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name)
     tones = Tones(label, corners[facing].ravel(), area[facing].repeat(3) / 3)
-    moved, grounds = body.moved(factor), [foundation.shape(factor) for foundation in foundations]
+    moved, grounds = body.moved(factor), [ground_of(foundation, factor) for foundation in rigid]
     solid = Solid(moved, body.triangles, corners, (tones.low, tones.high), grounds=grounds)
-    ends = [entry.surface[0] for entry in foundations if entry.surface is not None and not entry.is_plane]
-    camera = Camera.on(seen, _extent(solid, body.points, ends if factor == 1 else []))
+    ends = [ground[0] for ground, part in zip(grounds, rigid, strict=True) if ground is part.surface]
+    camera = Camera.on(seen, _extent(solid, body.points, ends))
     inch = BODY_INCHES / (2 * float(camera.half.max()))
     facets = np.linalg.norm(normals_of(moved, body.perimeters), axis=1)
     visible = math.sqrt(float(np.median(facets))) * 72 * inch >= VISIBLE_FACET
@@ -104,7 +104,40 @@ def deformed_solid(
         mark_largest(axes, camera.flat(largest.moved(body, name, factor)), largest.text, behind=behind)
     tones.bar(figure, axes)
     figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
-    return figure, f"displacement{' and gap' if foundations and factor != 1 else ''} $\\times\\,{math_number(factor)}$"
+    return figure, magnified(foundations, factor)
+
+
+def ground_of(foundation: Foundation, factor: float) -> tuple[Floats, Rows]:
+    """Points and polygons of a foundation, counterclockwise as seen from the body; of a plane a rectangle around it."""
+    points, facets = foundation.drawn(factor), foundation.facets
+    assert facets is not None
+    away = foundation.normals[facets].sum(axis=1)
+    if (rectangle := _plane_of(points)) is not None:
+        points, facets, away = rectangle, np.arange(4)[None], foundation.normals.sum(axis=0)
+    elif factor == 1 and foundation.surface is not None:
+        return foundation.surface  # type: ignore[no-any-return]
+    outwards = np.sum(normals_of(points, facets) * away, axis=1) > 0
+    return points, np.where(outwards[:, None], facets[:, ::-1], facets)
+
+
+def _plane_of(points: Floats) -> Floats | None:
+    """Corners of a rectangle around points that lie in a plane, in order along its perimeter, shape (4, 3)."""
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < 3:
+        return None
+    middle = points.mean(axis=0)
+    _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
+    if size[2] > 1e-3 * size[1] or not size[1] > 0:
+        return None
+    seen = view.along(axes[2])
+    if abs(seen.toward @ axes[2]) < 1 - 1e-6:  # next to a coordinate axis, and not along it
+        seen = view.View(axes[0], axes[1], axes[2])
+    flat = seen.flat(points)
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    margin = SURFACE_MARGIN * float(max(high - low))
+    (left, bottom), (right, top) = low - margin, high + margin
+    corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+    return np.array(corners @ np.stack((seen.right, seen.up)) + middle @ seen.toward * seen.toward)
 
 
 def telling_view(body: DrawnBody, name: str) -> View:

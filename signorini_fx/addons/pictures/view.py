@@ -99,12 +99,6 @@ def combination(direction: Floats) -> str:
     return text
 
 
-def normals_of(points: Floats, facets: npt.NDArray[np.int64]) -> Floats:
-    """Normals of polygons by the order of their corners, as long as their areas, shape (m, 3)."""
-    corners = points[facets] - points[facets].mean(axis=1, keepdims=True)
-    return np.asarray(0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))
-
-
 def outline(points: Floats, polygons: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Edges that belong to one polygon only, shape (e, 2), of polygons of shape (m, k)."""
     a, b = polygons.ravel(), np.roll(polygons, -1, axis=1).ravel()
