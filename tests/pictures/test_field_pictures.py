@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from spaces import block, box
 
 from signorini_fx.addons.pictures.deformed_body import deformed_mesh
-from signorini_fx.addons.pictures.gather import gather_cells, gather_outer_surface
+from signorini_fx.addons.pictures.gather import gather_body
 from signorini_fx.machine import parallel
 from signorini_fx.results.files import ON_DEMAND, write_results
 from signorini_fx.scenes import cli
@@ -42,7 +42,7 @@ def test_curved_cells_are_drawn_curved():
     circle in each cell, not a chord.
     """
     comm = MPI.COMM_WORLD
-    gathered = comm.bcast(gather_cells(solve(half_disk(), comm)))
+    gathered = comm.bcast(gather_body(solve(half_disk(), comm)))
     corners = gathered.points[gathered.perimeters]
     assert gathered.perimeters.shape[1] == 12
     x, y = corners[..., 0], corners[..., 1]
@@ -61,10 +61,10 @@ def test_fields_are_the_same_on_any_number_of_ranks():
     """In 2D and in 3D, cell by cell at their places."""
     comm = MPI.COMM_WORLD
     plane, space = (lambda ranks: example1(bound=1.5, nx=12, ny=4)), (lambda ranks: block(6, bound=1.5, comm=ranks))
-    for gather, scene in ((gather_cells, plane), (gather_outer_surface, space)):
+    for scene in (plane, space):
         both = []
         for ranks in (comm, MPI.COMM_SELF):
-            found = ranks.bcast(gather(solve(scene(ranks), ranks), ("von_mises", *ON_DEMAND)))
+            found = ranks.bcast(gather_body(solve(scene(ranks), ranks), ("von_mises", *ON_DEMAND)))
             polygons = found.perimeters
             middle = found.points[polygons].mean(axis=1)
             values = np.column_stack([field.mean(axis=1) for field in found.values.values()])
@@ -104,7 +104,7 @@ def test_vertices_have_the_recovered_values(scene):
     comm = MPI.COMM_WORLD
     solution = solve(scene(comm), comm)
     plane = solution.model.tagged.dimension == 2
-    found = (gather_cells if plane else gather_outer_surface)(solution, ("von_mises", *ON_DEMAND))
+    found = gather_body(solution, ("von_mises", *ON_DEMAND))
     own = solution.stress.recovered
     nodal = {"von_mises": own.von_mises, "density": own.shear_energy_density, "pressure": own.tensor}
     local = own.von_mises.function_space.tabulate_dof_coordinates()[:, : 2 if plane else 3]
@@ -155,7 +155,7 @@ def two_layers():
 
 def test_a_jump_between_materials_is_not_smeared(tmp_path):
     """Along the interface each side has its own stress, and the picture has no other values."""
-    gathered = gather_cells(two_layers(), ("von_mises",))
+    gathered = gather_body(two_layers(), ("von_mises",))
     middle = gathered.points[gathered.perimeters].mean(axis=1)[:, 1]
     expected = np.where(middle > 0.5, 0.1, 10.0)[:, None].repeat(5, axis=1)  # E times 0.03 / 3
     np.testing.assert_allclose(gathered.values["von_mises"], expected, rtol=1e-5)
@@ -185,7 +185,7 @@ def test_a_jump_between_materials_in_space():
             ],
         }
     )
-    surface = gather_outer_surface(alone(scene), ("von_mises",))
+    surface = gather_body(alone(scene), ("von_mises",))
     assert np.ptp(np.bincount(surface.perimeters.ravel())[np.unique(surface.perimeters)]) > 0  # points are shared
     middle = surface.points[surface.perimeters].mean(axis=1)[:, 2]
     expected = np.where(middle > 0.5, 0.1, 10.0)[:, None].repeat(5, axis=1)
@@ -201,7 +201,7 @@ def drawn_in_the_plane(gathered, name="von_mises"):
 
 def test_the_colour_bar_says_what_is_seen():
     """Recovered, raw, or the displacement itself, which needs no recovery."""
-    points = gather_cells(alone(example1(nx=6, ny=2)), ("von_mises", "displacement"))
+    points = gather_body(alone(example1(nx=6, ny=2)), ("von_mises", "displacement"))
     mesh, label = drawn_in_the_plane(points)
     assert label == "von Mises stress, recovered"
     drawn = np.column_stack((mesh._triangulation.x, mesh._triangulation.y))
@@ -220,9 +220,9 @@ def test_nothing_is_recovered_from_what_is_not_finite():
     comm = MPI.COMM_WORLD
     solution = solve(example1(nx=6, ny=2), comm)
     solution.displacement.x.array[: comm.rank] = np.nan  # on one of the ranks at most
-    assert gather_cells(solution, ("von_mises",)).recovered == (comm.size == 1)
+    assert gather_body(solution, ("von_mises",)).recovered == (comm.size == 1)
     solution.displacement.x.array[0] = np.nan
-    gathered = gather_cells(solution, ("von_mises",))
+    gathered = gather_body(solution, ("von_mises",))
     assert not gathered.recovered
     if comm.rank == 0:
         values = gathered.values["von_mises"]

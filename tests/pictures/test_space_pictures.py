@@ -17,7 +17,7 @@ from PIL import Image
 from scenes import alone
 from spaces import block, box, friction_of
 
-from signorini_fx.addons.pictures import contact_surface, gather, results
+from signorini_fx.addons.pictures import contact_surface, gather
 from signorini_fx.addons.pictures.boundary_profiles import STATES
 from signorini_fx.addons.pictures.style import VALUES
 from signorini_fx.addons.report import page
@@ -175,12 +175,12 @@ def areas_of(surface):
 def test_outer_surface(cells):
     """It is closed, has the area and the volume of the body, and is the same on any number of ranks."""
     comm = MPI.COMM_WORLD
-    together = gather.gather_outer_surface(solve(block(6, cells, bound=1.5, comm=comm)), ["von_mises"])
+    together = gather.gather_body(solve(block(6, cells, bound=1.5, comm=comm)), ["von_mises"])
     assert comm.rank == 0 or len(together.perimeters) == len(together.points) == 0  # the other ranks do not hold it
     together = comm.bcast(together)
     solution = alone(block(6, cells, bound=1.5))
-    single = gather.gather_outer_surface(solution, ["von_mises"])
-    assert gather.outer_facets(solution) == len(single.perimeters) == len(together.perimeters)
+    single = gather.gather_body(solution, ["von_mises"])
+    assert len(single.perimeters) == len(together.perimeters)
     for surface in (together, single):
         areas = areas_of(surface)
         np.testing.assert_allclose(areas.sum(axis=0), 0.0, atol=1e-12)
@@ -226,7 +226,7 @@ def test_too_many_facets(tmp_path, monkeypatch, capsys):
     """The body is left out with a line that says why and where to look, the rest is drawn; on any number of ranks."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(str(tmp_path / "out"))
-    monkeypatch.setattr(results, "MOST_FACETS", 50)
+    monkeypatch.setattr(gather, "MOST_FACETS", 50)
     solution = solve(block(6, bound=1.5, comm=comm))
     write_results(solution, folder, fields=False)
     comm.Barrier()

@@ -71,7 +71,7 @@ def test_cells_for_pictures(name, hypothesis, cell):
     gradient = GRADIENTS[name]
     comm = MPI.COMM_WORLD
     solution = solve(scene(gradient, hypothesis, cell), comm)
-    gathered = gather.gather_cells(solution, ("density", "von_mises"))
+    gathered = gather.gather_body(solution, ("density", "von_mises"))
     assert (
         comm.rank == 0 or len(gathered.perimeters) == len(gathered.points) == 0
     )  # the other ranks do not hold the mesh

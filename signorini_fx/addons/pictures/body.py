@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -34,14 +34,6 @@ class Tiling:
     def vertices(self) -> Rows:
         """The points that are corners of the cell, in order, shape (3,) or (4,)."""
         return np.arange(self.corners) * self.count
-
-    @cached_property
-    def mirrored(self) -> Rows:
-        """For each point the one with both coordinates exchanged, shape (p,): the same cell seen from behind."""
-        forth, back = (np.lexsort(np.round(points, 9).T) for points in (self.points, self.points[:, ::-1]))
-        order = np.empty(len(forth), dtype=np.int64)
-        order[back] = forth
-        return order
 
     def within(self, first: Floats, second: Floats, last: Floats) -> Floats:
         """The points in a flat cell without curved sides, given by corners of shape (d,): shape (p, d)."""

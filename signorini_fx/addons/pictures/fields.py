@@ -12,7 +12,7 @@ class Field:
     label: str  # what stands at the colour bar
     signed: bool = False  # whether it has both signs, so that the scale need not begin at zero
     remark: str = ""  # what the caption adds to the label
-    of_stress: bool = True  # whether it follows from the stress, of which there are a raw and a recovered one
+    of: str = ""  # the function of ``StressFields``, raw or recovered, that it follows from; "": the displacement
     quantity: str = "stress"  # whose unit it has, see ``signorini_fx.mechanics.statement.units``
 
     @property
@@ -23,16 +23,16 @@ class Field:
     def labelled(self, *, recovered: bool) -> Field:
         """With a label that says which stress is seen."""
         kind = ", recovered" if recovered else ", raw"
-        return replace(self, label=self.label + kind * self.of_stress)
+        return replace(self, label=self.label + kind * bool(self.of))
 
 
 # Name in options and file names -> what it is.
 FIELDS = {
-    "von_mises": Field("von Mises stress"),
+    "von_mises": Field("von Mises stress", of="von_mises"),
     "pressure": Field(
-        "mean pressure", signed=True, remark=", minus a third of the trace of the stress, compression positive"
+        "mean pressure", True, ", minus a third of the trace of the stress, compression positive", of="tensor"
     ),
-    "displacement": Field("size of the displacement", of_stress=False, quantity="length"),
-    "density": Field("elastic shear energy density"),
-    "around": Field("displacement $u_z$ around the axis", signed=True, of_stress=False, quantity="length"),
+    "displacement": Field("size of the displacement", quantity="length"),
+    "density": Field("elastic shear energy density", of="shear_energy_density"),
+    "around": Field("displacement $u_z$ around the axis", signed=True, quantity="length"),
 }

@@ -30,121 +30,90 @@ _PERIMETER = {3: [0, 1, 2], 4: [0, 1, 3, 2]}
 # Straight pieces that stand for a side that may be curved; and of a whole picture, to the square.
 _PIECES = 4
 _MOST_POINTS = 100_000
-# Name of a field of the stress -> the function of ``StressFields`` that it follows from.
-_OF_STRESS = {"von_mises": "von_mises", "density": "shear_energy_density", "pressure": "tensor"}
+MOST_FACETS = 40_000  # of a body in 3D: a picture takes seconds, and a page megabytes
 
 
-def outer_facets(solution: Solution) -> int:
-    """How many facets the outer surface of a body in 3D has; collective."""
-    mesh = solution.model.tagged.mesh
-    mesh.topology.create_connectivity(2, 3)
-    return int(parallel.global_sum(solution.comm, np.array(dmesh.exterior_facet_indices(mesh.topology).size)))
-
-
-def gather_cells(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody:
-    """The cells of a body in 2D of all ranks, on the first one; collective; ``fields``: names in ``FIELDS``."""
+def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | None:
+    """The cells of a body in 2D, or the outer facets of one in 3D, of all ranks on the first one, and an empty body on
+    the others; None if it is too large to be drawn; collective; ``fields``: names in ``FIELDS``.
+    """
     mesh, comm = solution.model.tagged.mesh, solution.comm
-    cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    outer = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))
+    cells, place = outer.T
+    if dim == 2:
+        cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
+        place = np.zeros_like(cells)
+    count = int(parallel.global_sum(comm, np.array(len(cells))))
+    if dim == 3 and count > MOST_FACETS:
+        where = f"its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView"
+        parallel.log_on_root(comm, f"the deformed body is not drawn: {where}")
+        return None
     kind = getattr(basix.CellType, mesh.topology.cell_name())
-    corners = basix.geometry(kind)
-    order = _PERIMETER[len(corners)]
-    tiles = tiling(len(corners), _pieces(solution))
-    inside = tiles.within(*corners[[order[0], order[1], order[-1]]])
-    x, u = (values(inside, cells).reshape(-1, 2) for values in (_positions(solution), _displacement(solution, 2)))
-    functions, recovered = _fields(solution, fields)
-
-    mesh.topology.create_connectivity(1, 2)
-    entities = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))
-    # Of each side of the reference cell the point of the perimeter at which it begins.
-    sides = [{order[k], order[(k + 1) % len(order)]} for k in range(len(order))]
-    first = np.array([tiles.count * sides.index(set(facet)) for facet in basix.topology(kind)[1]], dtype=np.int64)
-    along = first[entities[:, 1]][:, None] + np.arange(tiles.count + 1)
-    ahead = along % tiles.rim + len(inside) * entities[:, :1].astype(np.int64)
-    outline = np.stack((ahead[:, :-1], ahead[:, 1:]), axis=-1).reshape(-1, 2) + parallel.rows_before(comm, len(x))
-    points = parallel.rows_on_root(comm, x)
-    return DrawnBody(
-        points,
-        np.arange(len(points), dtype=np.int64).reshape(-1, len(inside)),
-        tiles,
-        parallel.rows_on_root(comm, u),
-        {name: parallel.rows_on_root(comm, values(inside, cells)) for name, values in functions.items()},
-        recovered,
-        parallel.rows_on_root(comm, outline),
-    )
-
-
-def gather_outer_surface(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody:
-    """The outer surface of a body in 3D of all ranks, on the first one, and an empty one on the others; collective."""
-    comm, mesh = solution.comm, solution.model.tagged.mesh
-    mesh.topology.create_connectivity(2, 3)
-    entities = facet_entities(mesh, dmesh.exterior_facet_indices(mesh.topology))
-    cells = entities[:, 0]
-    kind = getattr(basix.CellType, mesh.topology.cell_name())
-    corners, sides = basix.geometry(kind), basix.topology(kind)[2]
-    tiles = tiling(len(sides[0]), _pieces(solution, outer_facets(solution)))
+    corners, sides = basix.geometry(kind), basix.topology(kind)[2]  # of a cell in 2D: itself
+    tiles = tiling(len(sides[0]), _pieces(solution, count))
     order = _PERIMETER[tiles.corners]
-    places = [tiles.within(*corners[[vertices[order[k]] for k in (0, 1, -1)]]) for vertices in sides]
+    # Of each side of the reference cell, then of each one in the other direction.
+    ways = [[vertices[order[k]] for k in way] for way in ((0, 1, -1), (0, -1, 1)) for vertices in sides]
+    points = [tiles.within(*corners[way]) for way in ways]
 
-    def within(values: Values) -> Floats:
-        """Values at the points of each facet, which is a side of its cell."""
-        of_sides = [values(points, cells[entities[:, 1] == side]) for side, points in enumerate(places)]
-        sampled = np.zeros((len(cells), *of_sides[0].shape[1:]))
-        for side, rows in enumerate(of_sides):
-            sampled[entities[:, 1] == side] = rows
+    def at(values: Values) -> Floats:
+        """Values at the points of each cell or facet."""
+        found = [values(where, cells[place == k]) for k, where in enumerate(points)]
+        sampled = np.zeros((len(cells), *found[0].shape[1:]))
+        for k, rows in enumerate(found):
+            sampled[place == k] = rows
         return sampled
 
+    positions = partial(_positions, mesh)
+    if dim == 3:  # counterclockwise as seen from outside
+        x, middle = at(positions), positions(corners.mean(axis=0)[None], cells)[:, 0]
+        a, b, c = (x[:, k] for k in tiles.vertices[:3])
+        inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), x.mean(axis=1) - middle) < 0
+        place = place + len(sides) * inwards
+    columns = np.concatenate((at(positions), at(partial(_values_at, solution.displacement))[..., :dim]), axis=2)
+    outline = None
+    if dim == 3:
+        rows, within = _joined(solution, columns, cells)
+    else:
+        rows = parallel.rows_on_root(comm, columns.reshape(-1, 4))
+        within = np.arange(len(rows), dtype=np.int64).reshape(-1, columns.shape[1])
+        # Of each side of the reference cell the point of the perimeter at which it begins.
+        edges = [{order[k], order[(k + 1) % len(order)]} for k in range(len(order))]
+        first = np.array([tiles.count * edges.index(set(facet)) for facet in basix.topology(kind)[1]], dtype=np.int64)
+        along = first[outer[:, 1]][:, None] + np.arange(tiles.count + 1)
+        ahead = along % tiles.rim + columns.shape[1] * outer[:, :1].astype(np.int64)
+        ahead += parallel.rows_before(comm, columns.shape[0] * columns.shape[1])
+        outline = parallel.rows_on_root(comm, np.stack((ahead[:, :-1], ahead[:, 1:]), axis=-1).reshape(-1, 2))
     functions, recovered = _fields(solution, fields)
-    x, u = within(_positions(solution)), within(_displacement(solution, 3))
-    fields_at = {name: within(values) for name, values in functions.items()}
-    middle = _positions(solution)(corners.mean(axis=0)[None], cells)[:, 0]
-    a, b, c = (x[:, k] for k in tiles.vertices[:3])
-    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), x.mean(axis=1) - middle) < 0
-    for rows in (x, u, *fields_at.values()):
-        rows[inwards] = rows[inwards][:, tiles.mirrored]
-    gathered, within_points = _joined(solution, x, u, cells)
-    return DrawnBody(
-        gathered[:, :3],
-        within_points,
-        tiles,
-        gathered[:, 3:6],
-        {name: parallel.rows_on_root(comm, rows) for name, rows in fields_at.items()},
-        recovered,
-    )
+    values = {name: parallel.rows_on_root(comm, at(function)) for name, function in functions.items()}
+    return DrawnBody(rows[:, :dim], within, tiles, rows[:, dim : 2 * dim], values, recovered, outline)
 
 
-def _joined(solution: Solution, x: Floats, u: Floats, cells: Cells) -> tuple[Floats, npt.NDArray[np.int64]]:
+def _joined(solution: Solution, columns: Floats, cells: Cells) -> tuple[Floats, npt.NDArray[np.int64]]:
     """Points of all ranks with displacements, one row each, and the rows of each facet; bodies that touch have points
-    of their own; collective.
+    of their own; collective; ``columns``: of the points of each facet, shape (m, p, 6).
     """
-    pieces = np.broadcast_to(solution.model.motions.pieces.of_cell[cells][:, None], x.shape[:2])
-    columns = np.concatenate((x, u, pieces[..., None]), axis=2)
-    rows = parallel.rows_on_root(solution.comm, columns.reshape(-1, columns.shape[2]))
+    pieces = np.broadcast_to(solution.model.motions.pieces.of_cell[cells][:, None, None], (*columns.shape[:2], 1))
+    rows = parallel.rows_on_root(solution.comm, np.concatenate((columns, pieces), axis=2).reshape(-1, 7))
     size = float(np.ptp(rows[:, :3], axis=0).max()) or 1.0 if len(rows) else 1.0
     grid = np.round(np.column_stack((rows[:, :3] / size / ROOT_OF_EPS, rows[:, 6]))).astype(np.int64)
     _, first, number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
-    return rows[first], number.reshape(-1, x.shape[1]).astype(np.int64)
+    return rows[first], number.reshape(-1, columns.shape[1]).astype(np.int64)
 
 
-def _pieces(solution: Solution, polygons: int = 1) -> int:
+def _pieces(solution: Solution, polygons: int) -> int:
     """How many straight pieces a side of a deformed cell is drawn with: 1 if it stays straight, or of very many."""
     model = solution.model
     curved = compat.geometry_degree(model.tagged.mesh) > 1 or model.space.element.basix_element.degree > 1
     return max(1, min(_PIECES, math.isqrt(_MOST_POINTS // max(polygons, 1)))) if curved else 1
 
 
-def _positions(solution: Solution) -> Values:
-    mesh = solution.model.tagged.mesh
-
-    def at(points: Floats, cells: Cells) -> Floats:
-        basis = _basis(compat.geometry_element(mesh), points)
-        nodes = compat.geometry_cells(mesh)[cells]
-        return np.asarray(np.einsum("pk,ckx->cpx", basis, mesh.geometry.x[nodes][..., : mesh.topology.dim]))
-
-    return at
-
-
-def _displacement(solution: Solution, dimension: int) -> Values:
-    return lambda points, cells: _values_at(solution.displacement, points, cells)[..., :dimension]
+def _positions(mesh: dmesh.Mesh, points: Floats, cells: Cells) -> Floats:
+    basis = _basis(compat.geometry_element(mesh), points)
+    nodes = compat.geometry_cells(mesh)[cells]
+    return np.asarray(np.einsum("pk,ckx->cpx", basis, mesh.geometry.x[nodes][..., : mesh.topology.dim]))
 
 
 def _values_at(function: fem.Function, points: Floats, cells: Cells) -> Floats:
@@ -167,10 +136,10 @@ def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values
     known = solution.known_stress
     finite = not parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all())
     recovered = known is not None and known.recovers and finite
-    functions = {name: solution.displacement for name in fields if not FIELDS[name].of_stress}
+    functions = {name: solution.displacement for name in fields if not FIELDS[name].of}
     if known is not None:
         stress = known.recovered if recovered else known
-        functions |= {name: getattr(stress, _OF_STRESS[name]) for name in fields if FIELDS[name].of_stress}
+        functions |= {name: getattr(stress, FIELDS[name].of) for name in fields if FIELDS[name].of}
     return {name: partial(_field_at, name, function) for name, function in functions.items()}, recovered
 
 

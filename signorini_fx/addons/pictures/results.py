@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
-from signorini_fx.machine import parallel
+from signorini_fx.addons.pictures.gather import gather_body
 from signorini_fx.machine.result_files import Table
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from signorini_fx.addons.pictures.setup import Setup
 
 Array = npt.NDArray[np.float64]
-MOST_FACETS = 40_000  # of a body in 3D: a picture takes seconds, and a page megabytes
 
 
 def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False) -> ResultPictures:
@@ -47,7 +46,7 @@ def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool 
 
         return ResultPictures(**usual, setup=gather_setup(tagged, statement, statement.title))
     fields = _fields(solution, asked)
-    body = _body(solution, fields)
+    body = gather_body(solution, fields)
     contacts, tools = statement.contact, solution.last_step.tools
     shapes: Mapping[str, Any] = {}
     if body is not None:
@@ -70,28 +69,13 @@ def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
     stress = solution.known_stress
     usual: tuple[str, ...] = ("displacement",) if stress is None else ("von_mises",)
     usual += ("around",) * bool(solution.statement.kinematics.out_of_section)
-    unknown = [name for name in asked if FIELDS[name].of_stress and stress is None]
+    unknown = [name for name in asked if FIELDS[name].of and stress is None]
     reason = "the stress of this body is not known"
     if stress is not None and "density" in asked and stress.stress.shear_modulus is None:
         unknown, reason = ["density"], "its shear energy is known of linear isotropic bodies alone"
     if unknown and solution.comm.rank == 0:
         say(f"not drawn, as {reason}: {', '.join(unknown)}")
     return tuple(name for name in dict.fromkeys((*usual, *asked)) if name not in unknown)
-
-
-def _body(solution: Solution, fields: Sequence[str]) -> DrawnBody | None:
-    """The body, None if it is too large to be drawn; collective."""
-    from signorini_fx.addons.pictures import gather
-
-    tagged = solution.model.tagged
-    if tagged.dimension == 2:
-        return gather.gather_cells(solution, fields)
-    count = gather.outer_facets(solution)
-    if count > MOST_FACETS:
-        where = f"its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView"
-        parallel.log_on_root(solution.comm, f"the deformed body is not drawn: {where}")
-        return None
-    return gather.gather_outer_surface(solution, fields)
 
 
 @dataclass(frozen=True)
