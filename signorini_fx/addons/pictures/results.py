@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.gather import gather_body
+from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes
 from signorini_fx.machine.result_files import Table
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
@@ -24,44 +24,22 @@ from signorini_fx.results.solution import Solution
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from signorini_fx.addons.pictures.marks import Largest
     from signorini_fx.addons.pictures.setup import Setup
-
-Array = npt.NDArray[np.float64]
 
 
 def gather_pictures(solution: Solution, asked: Sequence[str] = (), *, pdf: bool = False) -> ResultPictures:
     """Of a solution, with fields beside the von Mises stress, or the displacement where that is not known, and out of
     a section ``around``; collective.  Fields that follow from a stress that is not known are left out, which is said.
     """
-    tagged, statement = solution.model.tagged, solution.statement
-    usual: dict[str, Any] = {
-        "title": statement.title,
-        "dimension": tagged.dimension,
-        "units": statement.unit_names(tagged.dimension),
-        "suffixes": (".png", ".pdf") if pdf else (".png",),
-    }
+    suffixes = (".png", ".pdf") if pdf else (".png",)
     if solution.history.linear_solves == 0 and not solution.certified:  # excluded by statics
         from signorini_fx.addons.pictures.of_setup import gather_setup
 
-        return ResultPictures(**usual, setup=gather_setup(tagged, statement, statement.title))
+        setup = gather_setup(solution.model.tagged, solution.statement, solution.statement.title)
+        return ResultPictures(solution, suffixes, setup=setup)
     fields = _fields(solution, asked)
     body = gather_body(solution, fields)
-    contacts, tools = statement.contact, solution.last_step.tools
-    shapes: Mapping[str, Any] = {}
-    if body is not None:
-        from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes
-
-        shapes = drawn_shapes(solution)
-    return ResultPictures(
-        **usual,
-        fields=fields,
-        body=body,
-        prices=[row.model_dump() for row in solution.convergence_table],
-        tools={contacts[part].boundary: motion.at for motion in tools for part in motion.body.parts},
-        shapes=shapes,
-        mirrored=bool(statement.kinematics.zero_on_axis),
-    )
+    return ResultPictures(solution, suffixes, fields, body, {} if body is None else drawn_shapes(solution))
 
 
 def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
@@ -82,20 +60,14 @@ def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
 class ResultPictures:
     """What the pictures of a result are drawn from, on the first rank."""
 
-    title: str  # above each of the large ones, a text of the user
-    dimension: int  # 2 or 3
-    units: Mapping[str, str]  # for labels, see ``signorini_fx.mechanics.statement.units``
+    solution: Solution
     suffixes: Sequence[str]  # of the files to write
     # names of the fields that are drawn on the body, the von Mises stress first, where it is known
     fields: tuple[str, ...] = ()
     body: DrawnBody | None = None  # None if it has too many facets
-    prices: Sequence[Mapping[str, Any]] = ()  # one mapping per mesh, the columns of convergence_table.csv
-    # of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d)
-    tools: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
     # of each boundary whose foundation is a shape its lines, or points and triangles, where it is, to be drawn where
     # nothing is magnified; see ``rigid_shapes``
     shapes: Mapping[str, Any] = field(default_factory=dict)
-    mirrored: bool = False  # whether the body is a section that is drawn on both sides of its axis
     # what the scene prescribes, where nothing was solved and there is no body to be drawn; None: it was
     setup: Setup | None = None
 
@@ -112,7 +84,7 @@ class ResultPictures:
         Raises:
             PictureError: a body in 3D cannot be drawn; all other pictures are there.
         """
-        with labelled(self.units):
+        with labelled(self.solution.statement.unit_names(self._dimension)):
             if self.setup is not None:
                 self.setup.draw(folder / "setup", self.suffixes)
                 return
@@ -120,25 +92,39 @@ class ResultPictures:
             if self.body is not None:
                 self._draw_body(self.body, folder, contact, largest)
 
+    @property
+    def _dimension(self) -> int:
+        return self.solution.model.tagged.dimension
+
+    @property
+    def _mirrored(self) -> bool:
+        """Whether the body is a section that is drawn on both sides of its axis."""
+        return bool(self.solution.statement.kinematics.zero_on_axis)
+
     def _draw_body(
         self, body: DrawnBody, folder: Path, contact: ContactTable | None, largest: tuple[Sequence[float], str] | None
     ) -> None:
         """With each field on its foundation."""
         from signorini_fx.addons.pictures.foundation import foundations_of
+        from signorini_fx.addons.pictures.marks import Largest
 
-        foundations = [] if contact is None else foundations_of(contact, self.tools, self.shapes)
+        contacts, tools = self.solution.statement.contact, self.solution.last_step.tools
+        moved = {contacts[part].boundary: tool.at for tool in tools for part in tool.body.parts}
+        foundations = [] if contact is None else foundations_of(contact, moved, self.shapes)
         draw: Callable[..., tuple[Figure, str]]
-        if self.dimension == 2:
+        if self._dimension == 2:
             from signorini_fx.addons.pictures.deformed_body import deformed_mesh as draw
         else:
             from signorini_fx.addons.pictures.solid import deformed_solid, telling_view
 
             draw = partial(deformed_solid, seen=telling_view(body, self.fields[0]))
-        if self.mirrored:
+        if self._mirrored:
             body = body.with_mirror_image()
             foundations = [image for part in foundations for image in part.mirrored()]
         for name in self.fields:
-            marked = self._marked(name, body, largest)
+            marked = Largest.of(body, name)
+            if name == "von_mises":  # as all figures have it
+                marked = None if largest is None else Largest(np.array(largest[0])[: self._dimension], largest[1])
             figure, remark = draw(body, name, foundations=foundations, largest=marked)
             self._write(folder / ("deformed" if name == self.fields[0] else f"field_{name}"), figure, remark)
 
@@ -147,13 +133,13 @@ class ResultPictures:
         from signorini_fx.addons.pictures.load_steps import errors_and_costs, load_steps
         from signorini_fx.addons.pictures.style import finish
 
-        if self.prices:
-            self._write(folder / "convergence_table", errors_and_costs(self.prices))
+        if prices := [row.model_dump() for row in self.solution.convergence_table]:
+            self._write(folder / "convergence_table", errors_and_costs(prices))
         if contact is None:
             return
         if steps is not None:
-            finish(load_steps(steps, around=self.mirrored), folder / "load_steps", "", self.suffixes)
-        if self.dimension == 2:
+            finish(load_steps(steps, around=self._mirrored), folder / "load_steps", "", self.suffixes)
+        if self._dimension == 2:
             from signorini_fx.addons.pictures.boundary_profiles import boundary_profiles
 
             self._write(folder / "profiles", boundary_profiles(contact))
@@ -165,13 +151,5 @@ class ResultPictures:
     def _write(self, path_stem: Path, figure: Figure, remark: str = "") -> None:
         from signorini_fx.addons.pictures.style import finish, plain
 
-        title = plain(self.title)
+        title = plain(self.solution.statement.title)
         finish(figure, path_stem, f"{title}   ({remark})" if title and remark else title or remark, self.suffixes)
-
-    def _marked(self, name: str, body: DrawnBody, largest: tuple[Sequence[float], str] | None) -> Largest | None:
-        """The value that is marked in a field; of the von Mises stress that of all figures."""
-        from signorini_fx.addons.pictures.marks import Largest
-
-        if name != "von_mises":
-            return Largest.of(body, name)
-        return None if largest is None else Largest(np.array(largest[0])[: self.dimension], largest[1])
