@@ -19,7 +19,7 @@ from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.statement.units import with_unit
-from signorini_fx.quantities.summary import Quantity, own_quantities
+from signorini_fx.quantities.summary import own_quantities
 from signorini_fx.records import JUDGED, SHORT_OF_ACCURACY, Status
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, FAR_GAP, FEW_NODES, NEGLIGIBLE
 
@@ -178,48 +178,6 @@ def point_in_words(point: Sequence[float]) -> str:
     return "(" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in point) + ")"
 
 
-def friction_in_words(row: dict[str, Any]) -> str:
-    """The friction of a row of ``contact_boundaries``: the force, or the moment where it is that which is transmitted,
-    and the largest possible value.
-    """
-    force, limit = f"{row['tangential_force']:.6g}", row["friction_limit"]
-    if row["friction_moment"] is not None and row["tangential_force"] < NEGLIGIBLE * row["pressure_integral"]:
-        force = f"a moment of {np.linalg.norm(row['friction_moment']):.6g} about its middle"
-        limit = row["moment_limit"]
-    return f"{force} in a bond" if limit is None or np.isinf(limit) else f"{force} of at most {limit:.6g}"
-
-
-def cost_in_words(summary: dict[str, Any]) -> str:
-    """What the error took, and what a smaller one would take; or why that is not known; "": nobody has asked."""
-    cost = summary.get("cost")
-    if cost is None:
-        return ""
-    statement: str = cost["statement"]
-    if cost.get("error") is not None and summary.get("status") == Status.OUT_OF_REACH.value:
-        return f"{statement.partition(';')[0]}; no finer mesh helps"  # whatever the rate of the meshes so far promises
-    return statement if cost.get("error") is not None else f"no forecast: {statement}"
-
-
-def error_in_words(summary: dict[str, Any]) -> str:
-    """How wrong the results are: proved, estimated, or how to know it."""
-    relative = (summary.get("error_bound") or {}).get("relative_error")
-    if relative is not None:
-        return f"at most {percent(relative)} of the energy norm, guaranteed"
-    prices = solved_prices(summary)
-    errors = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
-    if errors:
-        return f"{', '.join(errors)}, estimated"
-    of_stress, cost = (summary.get("stress") or {}).get("error"), summary.get("cost") or {}
-    if of_stress is None and cost.get("of") == "energy":  # without fields the stress itself is not told
-        of_stress = cost.get("error")
-    if of_stress is not None:
-        return f"of the stress {percent(of_stress)} in the mean, estimated"
-    scene = summary.get("scene") or {}
-    if scene.get("contact") and "forms" not in scene and "strain_energy" in summary:
-        return "not estimated: --accuracy 5% asks for an estimate"
-    return "not estimated: solve on a finer mesh as well, and compare"
-
-
 def largest_von_mises(summary: dict[str, Any]) -> dict[str, Any] | None:
     """The larger one of the raw and the recovered von Mises stress, and which it is ``of``; None: there is none."""
     stress = summary.get("stress") or {}
@@ -249,27 +207,6 @@ def share_in_words(summary: dict[str, Any], of: str = "") -> str:
     return f"{figure(None if share is None else 100 * share, apart)} %{' of ' * bool(of)}{of}"
 
 
-def resultant_in_words(row: dict[str, Any], scene: dict[str, Any]) -> str:
-    """What acts through a boundary and where, from a row of a summary with its scene, and the torque of a section."""
-    kinematics = of_data(scene)
-    moment = row["moment"] if isinstance(row["moment"], list) else [row["moment"]]
-    couple = in_brackets(moment) if len(moment) > 1 else f"{moment[0]:.6g}"
-    nowhere = "" if not kinematics.uniform else f", a couple of {couple}" if any(moment) else ", no couple"
-    where = nowhere if row["acts_at"] is None else f", acts at {point_in_words(row['acts_at'])}"
-    torque = f", torque {row['moment'][1]:.6g}," if kinematics.out_of_section else ""
-    name = "" if row["boundary"] is None else f"{row['boundary']}: "
-    return f"{name}{in_brackets(row['force'])}{torque} by {' and '.join(row['acts'])}{where}"
-
-
-def tool_in_words(tool: dict[str, Any]) -> tuple[str, str]:
-    """How a foundation that forces move has moved, and what the body does to it, from a row of a summary."""
-    names = ("displacement", "rotation", "force", "moment", "reference")
-    moved, turned, force, moment, point = (figure(tool[name]) for name in names)
-    off = "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
-    name = tool["boundary"]
-    return f"{name}: moved by {moved}, turned by {turned}{off}", f"{name}: takes {force}, about {point} {moment}"
-
-
 @dataclass(frozen=True)
 class Shown:
     """How a key of the summary is shown, if it is there."""
@@ -279,16 +216,13 @@ class Shown:
     # its lines, each as its text, or with a label of its own; None: the number
     format: Callable[[Summary], list[str | TerminalLine]] | None = None
     brief: bool = False  # whether the terminal shows it without --verbose, and the report first
+    unit: str = ""  # of the number
 
 
 def table() -> list[Shown]:
     """All that is shown, in its order, those of others last."""
-    own = (Shown(one.key, one.key.replace("_", " "), partial(_own, one), brief=True) for one in own_quantities())
+    own = (Shown(one.key, one.key.replace("_", " "), brief=True, unit=one.unit) for one in own_quantities())
     return [*_TABLE, *own]
-
-
-def _own(quantity: Quantity, summary: Summary) -> list[str | TerminalLine]:
-    return [with_unit(digits(summary[quantity.key]), quantity.unit)]
 
 
 def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
@@ -296,10 +230,10 @@ def shown_lines(shown: Shown, summary: Summary) -> list[TerminalLine]:
     value = summary.get(shown.key)
     if value is None:
         return []
-    texts = [digits(value, error_of(summary, shown.key))] if shown.format is None else shown.format(summary)
-    if any(isinstance(text, TerminalLine) for text in texts):
-        return [text if isinstance(text, TerminalLine) else row(shown.label, text) for text in texts]
-    return labelled(shown.label, list(map(str, texts)))
+    if shown.format is None:
+        return [row(shown.label, with_unit(digits(value, error_of(summary, shown.key)), shown.unit))]
+    texts = enumerate(shown.format(summary))
+    return [text if isinstance(text, TerminalLine) else row(shown.label if k == 0 else "", text) for k, text in texts]
 
 
 def brief_lines(summary: Summary) -> list[TerminalLine]:
@@ -315,15 +249,11 @@ def error_of(summary: Mapping[str, Any], key: str) -> float | None:
     if key == "strain_energy":  # the square of that in the energy norm
         energy = prices.get("energy")
         return None if energy is None else float(energy**2)
-    if key in ("max_pressure", "max_shear"):
-        return prices.get("peak" if key == "max_pressure" else "pressure")
-    return _error_of_force(summary, key, prices.get("force")) if key in ("contact_force", "friction_force") else None
-
-
-def _error_of_force(summary: Mapping[str, Any], key: str, error: float | None) -> float | None:
-    """It is relative to all forces, so large where these nearly cancel, or where friction nearly vanishes."""
-    if error is None:
-        return None
+    of = {"max_pressure": "peak", "max_shear": "pressure", "contact_force": "force", "friction_force": "force"}
+    error: float | None = prices.get(of.get(key, ""))
+    if error is None or "force" not in key:
+        return error
+    # It is relative to all forces, so large where these nearly cancel, or where friction nearly vanishes.
     contact, friction = (math.hypot(*summary.get(name, [0.0])) for name in ("contact_force", "friction_force"))
     rows = summary.get("contact_boundaries", ())
     components = [f for row in rows for name in ("contact_force", "friction_force") for f in row.get(name, ())]
@@ -407,13 +337,29 @@ def _boundaries(summary: Summary) -> list[str | TerminalLine]:
     for entry in summary["contact_boundaries"][:MOST_ROWS]:
         mean = "" if entry["mean_pressure"] is None else f", mean pressure there {entry['mean_pressure']:.6g}"
         areas.append(f"{entry['boundary']}: {entry['contact_area']:.6g} of {entry['area']:.6g}{mean}")
-        if entry["friction_limit"] is None or entry["friction_limit"] > 0:  # null in a file: infinite
-            friction.append(f"{entry['boundary']}: {friction_in_words(entry)}")
+        limit = entry["friction_limit"]
+        if limit is not None and limit <= 0:
+            continue
+        force = f"{entry['tangential_force']:.6g}"
+        if entry["friction_moment"] is not None and entry["tangential_force"] < NEGLIGIBLE * entry["pressure_integral"]:
+            # It is the moment that is transmitted.
+            force = f"a moment of {np.linalg.norm(entry['friction_moment']):.6g} about its middle"
+            limit = entry["moment_limit"]
+        bond = limit is None or np.isinf(limit)  # null in a file: infinite
+        friction.append(f"{entry['boundary']}: {force} {'in a bond' if bond else f'of at most {limit:.6g}'}")
     return [*labelled("in contact", areas), *labelled("friction", friction)]
 
 
 def _tools(summary: Summary) -> list[str | TerminalLine]:
-    return [text for texts in zip(*map(tool_in_words, summary["tools"]), strict=True) for text in texts]
+    """How the foundations that forces move have moved, then what the body does to them."""
+    moves, takes = list[str | TerminalLine](), list[str | TerminalLine]()
+    for tool in summary["tools"]:
+        names = ("displacement", "rotation", "force", "moment", "reference")
+        moved, turned, force, moment, point = (figure(tool[name]) for name in names)
+        off = "" if tool["gap_error"] is None else f"; gap linearised, off by {tool['gap_error']:.1e}"
+        moves.append(f"{tool['boundary']}: moved by {moved}, turned by {turned}{off}")
+        takes.append(f"{tool['boundary']}: takes {force}, about {point} {moment}")
+    return [*moves, *takes]
 
 
 def _preloads(summary: Summary) -> list[str | TerminalLine]:
@@ -425,11 +371,22 @@ def _preloads(summary: Summary) -> list[str | TerminalLine]:
 
 
 def _resultants(summary: Summary) -> list[str | TerminalLine]:
-    """What acts through the other boundaries, and where; contact too if it has several."""
-    several = len(summary.get("contact_boundaries", ())) > 1
-    rows = [row for row in summary["resultants"] if row["acts"] != ["contact"] or several]
-    lines: list[str | TerminalLine] = [resultant_in_words(row, summary.get("scene") or {}) for row in rows[:MOST_ROWS]]
-    return [*lines, *([f"and {len(rows) - MOST_ROWS} more in summary.json"] if len(rows) > MOST_ROWS else [])]
+    """What acts through the other boundaries, and where, and the torque of a section; contact too if it has several."""
+    several, kinematics = len(summary.get("contact_boundaries", ())) > 1, kinematics_of(summary)
+    rows = [entry for entry in summary["resultants"] if entry["acts"] != ["contact"] or several]
+    lines = list[str | TerminalLine]()
+    for entry in rows[:MOST_ROWS]:
+        moment = entry["moment"]
+        couple = in_brackets(moment) if isinstance(moment, list) else f"{moment:.6g}"
+        where = f", a couple of {couple}" if np.any(moment) else ", no couple"
+        where = where if kinematics.uniform else ""
+        where = where if entry["acts_at"] is None else f", acts at {point_in_words(entry['acts_at'])}"
+        torque = f", torque {moment[1]:.6g}," if kinematics.out_of_section else ""
+        name = "" if entry["boundary"] is None else f"{entry['boundary']}: "
+        lines.append(f"{name}{in_brackets(entry['force'])}{torque} by {' and '.join(entry['acts'])}{where}")
+    if len(rows) > MOST_ROWS:
+        lines.append(f"and {len(rows) - MOST_ROWS} more in summary.json")
+    return lines
 
 
 def _stress(summary: Summary) -> list[str | TerminalLine]:
@@ -476,8 +433,36 @@ def _deformation(summary: Summary) -> list[str | TerminalLine]:
     ]
 
 
+def _cost(summary: Summary) -> list[str | TerminalLine]:
+    """What the error took, and what a smaller one would take; or why that is not known."""
+    cost = summary["cost"]
+    if cost.get("error") is None:
+        return [f"no forecast: {cost['statement']}"]
+    if summary.get("status") == Status.OUT_OF_REACH.value:  # whatever the rate of the meshes so far promises
+        return [f"{cost['statement'].partition(';')[0]}; no finer mesh helps"]
+    return [cost["statement"]]
+
+
 def _error(summary: Summary) -> list[str | TerminalLine]:
-    return [error_in_words(summary)] if validity_of(summary).solved else []
+    """How wrong the results are: proved, estimated, or how to know it."""
+    if not validity_of(summary).solved:
+        return []
+    relative = (summary.get("error_bound") or {}).get("relative_error")
+    if relative is not None:
+        return [f"at most {percent(relative)} of the energy norm, guaranteed"]
+    prices = solved_prices(summary)
+    errors = [f"{name} {percent(prices[name])}" for name in _ESTIMATED if prices.get(name) is not None]
+    if errors:
+        return [f"{', '.join(errors)}, estimated"]
+    of_stress, cost = (summary.get("stress") or {}).get("error"), summary.get("cost") or {}
+    if of_stress is None and cost.get("of") == "energy":  # without fields the stress itself is not told
+        of_stress = cost.get("error")
+    if of_stress is not None:
+        return [f"of the stress {percent(of_stress)} in the mean, estimated"]
+    scene = summary.get("scene") or {}
+    asks = scene.get("contact") and "forms" not in scene and "strain_energy" in summary
+    how = "--accuracy 5% asks for an estimate" if asks else "solve on a finer mesh as well, and compare"
+    return [f"not estimated: {how}"]
 
 
 def _certificate(summary: Summary) -> list[str | TerminalLine]:
@@ -511,7 +496,7 @@ _TABLE = (
     Shown("stress", "stress", _stress, brief=True),
     Shown("friction_used", "friction", _friction, brief=True),
     Shown("status", "error", _error, brief=True),
-    Shown("cost", "cost", lambda summary: [cost_in_words(summary)], brief=True),
+    Shown("cost", "cost", _cost, brief=True),
     Shown("certificate", "certificate", _certificate, brief=True),
     Shown("dofs", "effort", _effort, brief=True),
     Shown("certificate", "left by gamma", _left),
