@@ -33,9 +33,9 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, constrained, dual_coefficients, extended
-from signorini_fx.mechanics.pairs.overlap import patches, plane_overlap, space_overlap, turned
+from signorini_fx.mechanics.pairs.overlap import plane_overlap, space_overlap, turned
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, beside, turning_of, without_round_off
-from signorini_fx.mechanics.pairs.search import default_reach
+from signorini_fx.mechanics.pairs.search import Parts, default_reach
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, NEGLIGIBLE, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -337,7 +337,7 @@ def _check(slave: PairSurface, master: PairSurface, covered: Array, reach: float
 
 def _nearest(slave: PairSurface, master: PairSurface) -> str:
     """Where both sides are nearest to each other, how far apart, and which way they face there, in words."""
-    first, second = (patches(side, np.arange(len(side.nodes))) for side in (slave, master))
+    first, second = (Parts.of(side, np.arange(len(side.nodes))) for side in (slave, master))
     away, partners = cKDTree(second.centre).query(first.centre)
     nearest = int(away.argmin())
     cosine = first.normal[nearest] @ second.normal[partners[nearest]]

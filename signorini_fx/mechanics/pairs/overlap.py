@@ -12,8 +12,6 @@ mapped back into both facets; weights are areas of the undeformed slave surface.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import basix
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +19,7 @@ from mpi4py import MPI
 
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, Overlap, PairSurface
-from signorini_fx.mechanics.pairs.search import Patches, candidates
+from signorini_fx.mechanics.pairs.search import Parts, candidates
 from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT, SAME_LENGTH, SAME_NUMBER, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
@@ -35,35 +33,6 @@ _PARALLELOGRAMS = 4
 # Of Gauss' rule in [-1, 1] for a segment of the overlap in 2D, which belongs to the definition of the map: integrands
 # are rational where normals turn, and not polynomials on curved facets.
 _PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
-
-
-@dataclass(frozen=True)
-class Parts:
-    """The linear parts of a side, p of them.
-
-    Attributes:
-        facet: of which facet, shape (p,).
-        reference: their corners in its reference facet, shape (p, c, 2).
-        patches: where they are.
-    """
-
-    facet: Indices
-    reference: Array
-    patches: Patches
-
-    @classmethod
-    def of(cls, side: PairSurface, facets: Indices) -> Parts:
-        """Those of some facets."""
-        parts = side.functions.parts
-        facet = np.repeat(facets, len(parts))
-        reference = np.tile(parts, (len(facets), 1, 1))
-        corners = side.positions(facet, reference)
-        first, last = corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]
-        if corners.shape[1] == 4:  # both diagonals
-            first, last = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-        normal = np.asarray(np.cross(first, last), dtype=np.float64)
-        normal *= side.sign[facet][:, None] / np.linalg.norm(normal, axis=1, keepdims=True)
-        return cls(facet, reference, Patches(corners, normal))
 
 
 def space_overlap(
@@ -81,16 +50,16 @@ def space_overlap(
         comm: the ranks, which have quadrature of one degree.
     """
     slave_parts, master_parts = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
-    along, turning = slave_parts.patches.normal, np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64)
+    along, turning = slave_parts.normal, np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64)
     if directions is not None:
         along, turning = _along(slave, slave_parts, directions)
-    slave_numbers, master_numbers = candidates(slave_parts.patches, master_parts.patches, reach, turning)
-    centre, axes = slave_parts.patches.centre[slave_numbers], axes_across(along[slave_numbers])
+    slave_numbers, master_numbers = candidates(slave_parts, master_parts, reach, turning)
+    centre, axes = slave_parts.centre[slave_numbers], axes_across(along[slave_numbers])
     flat, flat_master = (
         np.einsum("mcd,mkd->mck", corners - centre[:, None], axes)
-        for corners in (slave_parts.patches.corners[slave_numbers], master_parts.patches.corners[master_numbers])
+        for corners in (slave_parts.corners[slave_numbers], master_parts.corners[master_numbers])
     )
-    polygon, count = clip(_counterclockwise(flat_master), _counterclockwise(flat))
+    polygon, count = clip(counterclockwise(flat_master), counterclockwise(flat))
     nonempty = _areas(polygon, count) > NOTHING_LEFT * np.abs(_areas(flat, np.full(len(flat), flat.shape[1])))
     slave_numbers, master_numbers, count = slave_numbers[nonempty], master_numbers[nonempty], count[nonempty]
     flat, flat_master, polygon, centre, axes = (entry[nonempty] for entry in (flat, flat_master, polygon, centre, axes))
@@ -133,7 +102,7 @@ def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, A
     shape = side.tests.values(parts.reference.mean(axis=1))
     along = np.einsum("pt,ptd->pd", shape, directions[side.points[parts.facet]])
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    normal = parts.patches.normal
+    normal = parts.normal
     cosine, sine = np.sum(along * normal, axis=1), np.linalg.norm(np.cross(along, normal), axis=1)
     return along, sine / cosine
 
@@ -192,7 +161,8 @@ def _areas(polygon: Array, count: Indices) -> Array:
     return np.asarray(_cross(arms[:, :-1], arms[:, 1:]).sum(axis=1) / 2)
 
 
-def _counterclockwise(polygon: Array) -> Array:
+def counterclockwise(polygon: Array) -> Array:
+    """Polygons with their corners in this order."""
     area = _areas(polygon, np.full(len(polygon), polygon.shape[1]))
     return np.where((area < 0)[:, None, None], polygon[:, ::-1], polygon)
 
@@ -257,16 +227,16 @@ def plane_overlap(
 
     Directions at nodes are the normals of the slave where none are given.
     """
-    flat, opposite = patches(slave, facets), patches(master, np.arange(len(master.nodes)))
+    flat, partners = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[facets]]
     cosine, sine = np.einsum("fkd,fd->fk", normals, flat.normal), _cross(normals, flat.normal[:, None])
     turning = (np.abs(sine) / np.maximum(cosine, SAME_NUMBER)).max(axis=1)
-    numbers, master_facets = candidates(flat, opposite, reach, turning)
+    numbers, master_facets = candidates(flat, partners, reach, turning)
     slave_facets, normals = facets[numbers], normals[numbers]
     corners = slave.corners[slave_facets]
     at_ends = [np.full((len(master_facets), 1, 1), parameter) for parameter in (0.0, 1.0)]
     vertices = np.concatenate([master.positions(master_facets, end)[:, 0] for end in at_ends])
-    ends: Array = place_under(slave, np.tile(corners, (2, 1, 1)), np.tile(normals, (2, 1, 1)), vertices)
+    ends: Array = place_under(slave.functions, np.tile(corners, (2, 1, 1)), np.tile(normals, (2, 1, 1)), vertices)
     ends = ends.reshape(2, -1).T.copy()  # of each pair: the images of both ends
     ends.sort(axis=1)
     meets = ends[:, 1] - ends[:, 0] > NOTHING_LEFT
@@ -276,36 +246,26 @@ def plane_overlap(
     at = ends[:, :1] + width[:, None] * (_PLACES_OF_RULE + 1) / 2
     shape = slave.functions.values(at[..., None])
     x, normal = np.einsum("mqk,mkd->mqd", shape, corners), np.einsum("mqk,mkd->mqd", shape, normals)
-    over = _over(master, master.corners[master_facets], x, normal)
+    opposite = np.repeat(master.corners[master_facets], at.shape[1], axis=0)
+    straight = np.broadcast_to(normal.reshape(-1, 1, 2), opposite.shape)
+    over = place_under(master.functions, opposite, straight, x.reshape(-1, 2)).reshape(at.shape)
     weight = slave.sizes(slave_facets, at[..., None]) * _WEIGHTS_OF_RULE / 2 * width[:, None]
     return Overlap(slave_facets, master_facets, at[..., None], over[..., None], weight)
 
 
-def patches(side: PairSurface, facets: Indices) -> Patches:
-    """Facets of a side as flat patches."""
-    at = np.broadcast_to(side.functions.places.mean(axis=0), (len(facets), 1, side.dimension - 1))
-    middle = side.normals(facets, at)[:, 0]
-    return Patches(side.corners[facets], middle / np.linalg.norm(middle, axis=1, keepdims=True))
-
-
-def place_under(side: PairSurface, corners: Array, normals: Array, x: Array) -> Array:
-    """The place s in [0, 1] of the slave point under each point of shape (m, d), or the end beyond which it is."""
-    ends = side.functions.values(np.array([[0.0], [1.0]]))
-    at_ends, outward = ends @ corners, ends @ normals
-    first: Array = at_ends[:, 0]
-    last: Array = at_ends[:, 1]
-    # Along the facet the misses fall or rise, as its normal is on its right or left.
-    way = np.sign(_cross(last - first, normals.mean(axis=1)))
-    above_low, below_high = way * _cross(x - first, outward[:, 0]) > 0, way * _cross(x - last, outward[:, 1]) < 0
-    # The misses are polynomials of the place.
-    places = side.functions.polynomials(corners - first[:, None])
-    ways = side.functions.polynomials(normals)
-    places[:, 0] -= x - first
-    factors: Array = np.zeros((2 * places.shape[1] - 1, len(x)))
+def place_under(functions: Lagrange, corners: Array, normals: Array, x: Array) -> Array:
+    """The place s in [0, 1] of the point of a facet under each point of shape (m, d), along directions between those at
+    the nodes, or the end beyond which it is.
+    """
+    places, ways = (functions.polynomials(values) for values in (corners - corners[:, :1], normals))
+    along = places[:, 1:].sum(axis=1)
+    places[:, 0] -= x - corners[:, 0]
+    # The misses are polynomials of the place: along the facet they fall or rise, as its normal is on its right or left.
+    misses: Array = np.zeros((2 * places.shape[1] - 1, len(x)))
     for power in range(places.shape[1]):
-        factors[power : power + ways.shape[1]] -= _cross(places[:, power, None], ways).T
-    root = _crossing(way * factors)
-    return np.where(above_low & below_high, root, np.where(above_low, 1.0, 0.0))
+        misses[power : power + ways.shape[1]] -= _cross(places[:, power, None], ways).T
+    misses *= np.sign(_cross(along, normals.mean(axis=1)))
+    return np.where(misses[0] <= 0, 0.0, np.where(misses.sum(axis=0) >= 0, 1.0, _crossing(misses)))
 
 
 def _crossing(factors: Array) -> Array:
@@ -332,12 +292,3 @@ def _powers(factors: Array, s: Array) -> Array:
     for factor in factors[-2::-1]:
         value = value * s + factor
     return value
-
-
-def _over(side: PairSurface, corners: Array, x: Array, normal: Array) -> Array:
-    """The place of the master point over each point of shape (m, q, d) along its normal, in [0, 1]."""
-    start = corners[:, :1]
-    places = side.functions.polynomials(corners - start).transpose(1, 0, 2)[:, :, None]
-    factors = _cross(places, normal)
-    factors[0] -= _cross(x - start, normal)
-    return _crossing(factors * np.sign(-factors[1:].sum(axis=0)))

@@ -192,10 +192,7 @@ class PairSurface:
 
     def _crossed(self, corners: Array, facets: Indices, at: Array) -> Array:
         """Normals up to their signs, of facets with these corners, see ``normals``."""
-        along = self.functions.slopes(at) @ corners[facets]
-        if self.dimension == 2:
-            return np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
-        return np.cross(along[0], along[1])
+        return across(self.functions.slopes(at) @ corners[facets])
 
     def positions(self, facets: Indices, at: Array) -> Array:
         """Positions of points of each facet, length, shapes as in ``normals``."""
@@ -403,6 +400,11 @@ def of_blocks(blocks: Array) -> sp.csr_array:
     numbers = np.arange(len(blocks) + 1)
     shape = (len(blocks) * blocks.shape[1], len(blocks) * blocks.shape[2])
     return sp.csr_array(sp.bsr_array((blocks, numbers[:-1], numbers), shape=shape))
+
+
+def across(along: Array) -> Array:
+    """The normals of d - 1 tangents, shape (d - 1, ..., d), shape (..., d): in 2D a tangent turned clockwise."""
+    return np.cross(*along) if len(along) == 2 else np.stack((along[0, ..., 1], -along[0, ..., 0]), axis=-1)
 
 
 def _crossing(vectors: Array) -> Array:

@@ -26,7 +26,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
-from signorini_fx.mechanics.pairs.overlap import axes_across, place_under, projected_places
+from signorini_fx.mechanics.pairs.overlap import axes_across, clip, counterclockwise, place_under, projected_places
 from signorini_fx.mechanics.pairs.pair_side import (
     Lagrange,
     PairSurface,
@@ -318,7 +318,7 @@ def _at_vertices(
     slave: PairSurface, projection: Projection, facet: Indices, x: Array
 ) -> tuple[Indices, Array, Array, Array, Array]:
     """Which vertices facets of the slave see, their places there, shares of the vertex, lengths (one), and n."""
-    place = place_under(slave, slave.corners[facet], projection.vectors[slave.nodes[facet]], x[:, 0])
+    place = place_under(slave.functions, slave.corners[facet], projection.vectors[slave.nodes[facet]], x[:, 0])
     rows = np.flatnonzero((place > NOTHING_LEFT) & (place < 1.0 - NOTHING_LEFT))
     at = place[rows, None]
     ways = projection.at(facet[rows], at[:, None])[0][:, 0]
@@ -335,7 +335,10 @@ def _on_edges(
     middle, axes = corners.mean(axis=1), axes_across(ways)
     flat, line = (np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, x))
     start, along = line[:, 0], line[:, 1] - line[:, 0]
-    enters, leaves = _within(flat, start, along)
+    within, count = clip(line, counterclockwise(flat))
+    shares = np.einsum("mck,mk->mc", within - start[:, None], along / np.sum(along**2, axis=1)[:, None])
+    valid = np.arange(within.shape[1]) < count[:, None]
+    enters, leaves = np.where(valid, shares, np.inf).min(axis=1), np.where(valid, shares, -np.inf).max(axis=1)
     places, weights = np.polynomial.legendre.leggauss(_ON_EDGE)
     rows = np.repeat(np.flatnonzero(leaves - enters > NOTHING_LEFT), places.size)
     count = rows.size // places.size
@@ -354,22 +357,6 @@ def _around_facet(side: PairSurface) -> Indices:
     return np.asarray(
         side.nodes[:, [np.abs(places - corner).sum(axis=1).argmin() for corner in side.functions.corners]]
     )
-
-
-def _within(corners: Array, start: Array, along: Array) -> tuple[Array, Array]:
-    """Where lines of the plane enter convex polygons and leave them, as shares of the lines, shape (m,) each."""
-    sides = np.roll(corners, -1, axis=1) - corners
-    area = np.sum(corners[..., 0] * np.roll(corners[..., 1], -1, axis=1), axis=1)
-    area = area - np.sum(corners[..., 1] * np.roll(corners[..., 0], -1, axis=1), axis=1)
-    turn = np.sign(area)[:, None]
-    away = start[:, None] - corners
-    height = turn * (sides[..., 0] * away[..., 1] - sides[..., 1] * away[..., 0])
-    rise = turn * (sides[..., 0] * along[:, None, 1] - sides[..., 1] * along[:, None, 0])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = -height / rise
-    enters = np.where(rise > 0, at, np.where((rise == 0) & (height < 0), np.inf, -np.inf)).max(axis=1)
-    leaves = np.where(rise < 0, at, np.inf).min(axis=1)
-    return np.maximum(enters, 0.0), np.minimum(leaves, 1.0)
 
 
 def _around(side: PairSurface) -> sp.csr_array:
