@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from surfaces import ELEMENTS, both, curve, nothing_held
+from surfaces import ELEMENTS, both, curve
 
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError, couple
 from signorini_fx.mechanics.pairs.pair_side import turned_normals
@@ -19,8 +19,7 @@ PAIRS = [(2, a, b) for a in ELEMENTS[2] for b in ELEMENTS[2]] + [
 
 
 def coupled(slave, master, **settings):
-    unable = settings.pop("unable", np.zeros(len(slave.x), dtype=bool))
-    return couple(slave, master, unable, nothing_held(slave, master), **settings)
+    return couple(replace(slave, unable=settings.pop("unable", slave.unable)), master, **settings)
 
 
 def relative(coupling, slave, master):
@@ -91,13 +90,12 @@ def test_sides_that_do_not_fit():
     with pytest.raises(PairingError, match="none of its facets finds one"):
         coupled(slave, turned)
     lower = curve("P1", 5, lambda s: [s, -0.05], (0, 1))
-    from dataclasses import replace
-
     twice = replace(
         master,
         nodes=np.vstack((master.nodes, lower.nodes + len(master.x))),
         x=np.vstack((master.x, lower.x)),
         sign=np.append(master.sign, lower.sign),
+        held=np.append(master.held, lower.held),
     )
     with pytest.raises(PairingError, match="more than one sheet"):
         coupled(slave, twice)

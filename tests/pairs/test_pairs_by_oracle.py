@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from surfaces import nothing_held
 
 from benchmarks.stability.oracle.mortar import Side, points_of_moved
 from signorini_fx.mechanics.pairs.mortar_coupling import couple
@@ -62,16 +61,15 @@ def differences(kind, seed, *, slides):
     signs = np.full(len(nodes), 1.0 if dim == 2 else -1.0), np.full(len(others), -1.0 if dim == 2 else 1.0)
     functions, undeformed = Lagrange(np.array(PLACES[kind])), places if slides else places + moved
     slave, master = (
-        PairSurface(of_side, at, functions, sign, np.zeros((len(at), dim, dim)))
+        PairSurface.of(of_side, at, functions, sign)
         for of_side, at, sign in zip((nodes, others), np.split(undeformed, [count]), signs, strict=True)
     )
-    able = np.zeros(count, dtype=bool)
     if slides:
         slave, master = slave.displaced(moved[:count]), master.displaced(moved[count:])
-        found = slide(slave, master, np.arange(count), able, 0.5, nothing_held(slave, master))
+        found = slide(slave, master, np.arange(count), 0.5)
         shares = found.frames.slave, found.frames.master
     else:
-        found = couple(slave, master, able, nothing_held(slave, master), reach=0.5)
+        found = couple(slave, master, reach=0.5)
         shares = found.slave, found.master
     sides = [
         Side(at, places + moved, sign, undeformed) for at, sign in zip((nodes, count + others), signs, strict=True)

@@ -3,7 +3,6 @@
 import numpy as np
 
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
 
 ELEMENTS = {2: ("P1", "P2"), 3: ("P1", "Q1", "P2", "Q2")}
@@ -17,7 +16,7 @@ def curve(element, count, place, outward):
     first = degree * np.arange(count)
     nodes = first[:, None] + ([0, 1] if degree == 1 else [0, 2, 1])
     places = np.array([[0.0], [1.0], [0.5]][: degree + 1])
-    return _outward(PairSurface(nodes, x, Lagrange(places), np.ones(count), np.zeros((len(x), 2, 2))), outward)
+    return _outward(PairSurface.of(nodes, x, Lagrange(places), np.ones(count)), outward)
 
 
 def grid(x, y, cells, z=0.0):
@@ -65,7 +64,7 @@ def sheet(element, counts, place, outward, shift=0.0, bent=False):
         for at in squares
     ]
     nodes = np.concatenate(nodes)
-    return _outward(PairSurface(nodes, x, Lagrange(places), np.ones(len(nodes)), np.zeros((len(x), 3, 3))), outward)
+    return _outward(PairSurface.of(nodes, x, Lagrange(places), np.ones(len(nodes))), outward)
 
 
 def _outward(surface, outward):
@@ -74,7 +73,7 @@ def _outward(surface, outward):
     every = np.arange(len(surface.nodes))
     normals = surface.normals(every, np.tile(middle, (len(every), 1, 1)))[:, 0]
     sign = np.sign(normals @ np.asarray(outward, dtype=float))
-    return PairSurface(surface.nodes, surface.x, surface.functions, sign, surface.across)
+    return PairSurface.of(surface.nodes, surface.x, surface.functions, sign)
 
 
 def both(element, other, curved, counts=(5, 7), overhang=0.0, dimension=2, bent=False):
@@ -98,8 +97,3 @@ def both(element, other, curved, counts=(5, 7), overhang=0.0, dimension=2, bent=
         slave = sheet(element, (counts[0], counts[0] - 1), upper, (0, -1, 0), 0.15, bent)
         master = sheet(other, (counts[1], counts[1] - 2), lower, (0, 1, 0), 0.15, bent)
     return slave, master
-
-
-def nothing_held(slave, master):
-    """No node of both sides."""
-    return HeldSides(*(np.zeros(len(side.x), dtype=bool) for side in (slave, master)))

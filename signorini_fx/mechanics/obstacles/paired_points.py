@@ -25,7 +25,6 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides
 from signorini_fx.mechanics.pairs.mortar_coupling import Coupling, PairingError, Tested, couple
 from signorini_fx.mechanics.pairs.pair_side import (
     Lagrange,
@@ -73,20 +72,16 @@ class PairedSide:
         names, positions, middles = (parallel.gather_rows(mesh.comm, rows) for rows in (names, x[node_table], middles))
         nodes, first, numbers = np.unique(names, return_index=True, return_inverse=True)
         x = np.array(positions.reshape(-1, dim)[first], dtype=np.float64)
-        numbers, none, ones = (
-            numbers.reshape(names.shape).astype(np.int64),
-            np.zeros((len(x), dim, dim)),
-            np.ones(len(names)),
-        )
-        surface = PairSurface(numbers, x, Lagrange(places), ones, none)
+        measure = None
+        if factor is not None:
+            owned = np.nan_to_num(factor[: space.dofmap.index_map.size_local, None])
+            measure = from_owners(owned, nodes, mesh.comm)[:, 0]
+        numbers = numbers.reshape(names.shape).astype(np.int64)
+        surface = PairSurface.of(numbers, x, Lagrange(places), np.ones(len(names)), measure)
         at = np.broadcast_to(places.mean(axis=0), (len(names), 1, dim - 1))
         away = surface.corners.mean(axis=1) - middles
         sign = np.sign(np.einsum("fd,fd->f", surface.normals(np.arange(len(names)), at)[:, 0], away))
-        if factor is None:
-            return cls(replace(surface, sign=sign), nodes.astype(np.int64), facets)
-        owned = np.nan_to_num(factor[: space.dofmap.index_map.size_local, None])
-        measure = from_owners(owned, nodes, mesh.comm)[:, 0]
-        return cls(replace(surface, sign=sign, measure=measure), nodes.astype(np.int64), facets)
+        return cls(replace(surface, sign=sign), nodes.astype(np.int64), facets)
 
     def owned(self, space: fem.FunctionSpace) -> Flags:
         """Which of its nodes this rank owns, shape (N,)."""
@@ -129,12 +124,12 @@ def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> np
     """Which nodes supports hold along a direction: no component that is free has any of it, shape (n,).
 
     Args:
-        normal: shape (n, d).
+        normal: shape (n, d); zero: there is none.
         frames: that the components are told in, one direction per column, shape (n, d, d).
         fixed: which of them are prescribed, shape (n, d).
     """
     sizes = np.abs(np.einsum("nij,ni->nj", frames, normal))
-    return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1, initial=0.0) <= ROOT_OF_EPS)
+    return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1) <= ROOT_OF_EPS) & normal.any(axis=1)
 
 
 def mirrored(
@@ -191,10 +186,7 @@ class FacingSides:
         index: of the pair among the contacts.
         slave: the side with the contact points.
         master: the other one.
-        unable: nodes of the slave that cannot carry a point, as another contact or the other side owns them, shape
-            (N,).
         fixed: which components are prescribed at the nodes of both sides, those of the slave first, shape (m, d).
-        held: nodes that are held along their normals.
         axes: the frames of the nodes of the slave that supports hold them in, shape (N, d, d); None: the axes of space.
     """
 
@@ -202,9 +194,7 @@ class FacingSides:
     index: int
     slave: PairedSide
     master: PairedSide
-    unable: npt.NDArray[np.bool_]
     fixed: npt.NDArray[np.bool_]
-    held: HeldSides
     axes: Array | None
 
     @classmethod
@@ -251,16 +241,14 @@ class FacingSides:
         rests = [(axes, entries[:, dim:-1]) for axes, entries in zip(frames, flags, strict=True)]
         surfaces = [side.surface for side in sides]
         across = [mirrored(surfaces[k], surfaces[1 - k], rests[k], rests[1 - k]) for k in range(2)]
+        surfaces = [replace(surface, across=planes) for surface, planes in zip(surfaces, across, strict=True)]
+        held = [held_along(surface.directions, frames[k], flags[k][:, :dim]) for k, surface in enumerate(surfaces)]
         slave, master = (
-            replace(side, surface=replace(side.surface, across=planes))
-            for side, planes in zip(sides, across, strict=True)
+            replace(side, surface=replace(surfaces[k], held=held[k], unable=flags[k][:, -1]))
+            for k, side in enumerate(sides)
         )
         fixed = np.concatenate([entries[:, :dim] for entries in flags])
-        normals = slave.surface.directions
-        supported = held_along(normals, frames[0], flags[0][:, :dim]) & normals.any(axis=1)
-        held = HeldSides(supported, held_along(master.surface.directions, frames[1], flags[1][:, :dim]))
-        of_slave = None if turned is None else frames[0]
-        return cls(space, index, slave, master, flags[0][:, -1], fixed, held, of_slave)
+        return cls(space, index, slave, master, fixed, None if turned is None else frames[0])
 
     @cached_property
     def nodes(self) -> npt.NDArray[np.int64]:
@@ -339,8 +327,6 @@ class PairedSides:
             coupling = couple(
                 facing.slave.surface,
                 facing.master.surface,
-                facing.unable,
-                facing.held,
                 bonded=pair.bonded,
                 nominal=not pair.by_geometry,
                 reach=pair.reach,
@@ -451,7 +437,7 @@ class MovingPair:
         surface, name = sides.slave.surface, f"contact[{sides.index}]"
         if np.intersect1d(sides.slave.nodes, sides.master.nodes).size:
             raise FormError([(name, "its sides share nodes, and slide on each other: give parts that do not meet")])
-        points = np.flatnonzero(~sides.unable & (surface.area > 0.0) & ~surface.without_area)
+        points = np.flatnonzero(~surface.unable & (surface.area > 0.0) & ~surface.without_area)
         if not points.size:
             raise FormError([(name, "other contacts own all nodes of its side: exchange facets and against")])
         self.sides, self.points = sides, points
@@ -477,7 +463,7 @@ class MovingPair:
         """The map at a displacement of the nodes of both sides, shape (m, d)."""
         sides, (on_slave, on_master) = self.sides, self._of_sides(displacement)
         slave, master = sides.slave.surface.displaced(on_slave), sides.master.surface.displaced(on_master)
-        return slide(slave, master, self.points, sides.unable, self.reach, sides.held)
+        return slide(slave, master, self.points, self.reach)
 
     def _of_sides(self, values: Array) -> list[Array]:
         """Values at the nodes of both sides, of each."""

@@ -8,16 +8,13 @@ belong to nodes that cannot carry a point, are added to their neighbours.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, placed_rows, scaled_columns, scaled_rows
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, scaled_columns, scaled_rows
 from signorini_fx.tuned import KEPT_WEIGHT, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
@@ -25,46 +22,8 @@ Indices = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class HeldSides:
-    """Nodes of both sides that supports hold along their normals.
-
-    Contact is where at least one side can move: both sides end where facets of which all nodes are held lie over each
-    other.  Anywhere else a held node of the slave carries a point as any other: its function moves the master.  Where
-    most of the master that it sees there is held, too, nothing can move it, and its neighbours take over its function.
-
-    Attributes:
-        slave: shape (N,).
-        master: shape (M,).
-    """
-
-    slave: Flags
-    master: Flags
-
-    def still(self, slave: Indices, master: Indices) -> Flags:
-        """Where nothing can move: all nodes of both facets over each other are held, shape (p,).
-
-        Args:
-            slave: the nodes of the facets of the slave, shape (p, k).
-            master: those of the facets over them, shape (p, l).
-        """
-        return np.asarray(self.slave[slave].all(axis=1) & self.master[master].all(axis=1))
-
-    def movable(self, met: Any) -> Array:
-        """By which share nodes of the slave are what can move, or see that, shape (N,).
-
-        Args:
-            met: integrals of the functions of the nodes of the slave times those of the master, sparse or dense, shape
-                (N, M).
-        """
-        of_held, weight = (np.asarray(met @ flags).ravel() for flags in (self.master * 1.0, np.ones(self.master.size)))
-        # On a part of a facet a quadratic function may have a negative weight, which says nothing.
-        seen = np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
-        return np.where(self.slave, 1.0 - np.clip(seen, 0.0, 1.0), 1.0)
-
-
 def constrained(movable: Array) -> Flags:
-    """Nodes that are held over what is held of the master, by more than half; see ``HeldSides.movable``."""
+    """Nodes of the slave that are held over what is held of the master, by more than half; see ``Tested.movable``."""
     return np.asarray(movable < 0.5 - SAME_NUMBER)
 
 
@@ -112,10 +71,8 @@ def carried(
     return np.zeros(0, dtype=np.int64), sp.csr_array((0, len(weight)))
 
 
-def carried_evenly(
-    side: PairSurface, covered: Indices, weight: Array, unable: Flags, movable: Array
-) -> tuple[Indices, sp.csr_array]:
-    """The same of a side that slides, evenly as weights change; ``movable``: see ``HeldSides``.
+def carried_evenly(side: PairSurface, covered: Indices, weight: Array, movable: Array) -> tuple[Indices, sp.csr_array]:
+    """The same of a side that slides, evenly as weights change; ``movable``: see ``Tested``.
 
     Between two shares of its area the function of a node at the rim turns into a mean of those beside it, so that what
     it adds to their conditions vanishes before it is no point any more.  So does that of a node that supports hold, by
@@ -123,7 +80,7 @@ def carried_evenly(
     """
     together = _together(side, covered)
     tested_nodes = together.diagonal() > 0
-    able = tested_nodes & ~unable & ~side.without_area & (side.area > 0)
+    able = tested_nodes & ~side.unable & ~side.without_area & (side.area > 0)
     share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
     part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
     portion = np.where(able, part**2 * (3.0 - 2.0 * part), 0.0)
@@ -138,7 +95,7 @@ def carried_evenly(
         if not weak.any():
             return nodes, mixed
         portion[nodes[weak]] = 0.0
-    return carried(side, covered, weight, unable | constrained(movable))
+    return carried(side, covered, weight, side.unable | constrained(movable))
 
 
 def _absorbed(together: sp.csr_array, portion: Array, nodes: Indices) -> sp.csr_array:
@@ -185,7 +142,7 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     added *= np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
     added /= np.maximum(1.0, 2.0 * added.sum(axis=0))
     kept = 1.0 - added.sum(axis=0)
-    mixing = sp.diags_array(kept) + placed_rows(sp.csr_array(added), weak, nodes.size)
+    mixing = sp.diags_array(kept) + sp.eye_array(nodes.size, format="csc")[:, weak] @ sp.csr_array(added)
     return sp.csr_array(mixing @ shares)
 
 

@@ -32,7 +32,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import parallel
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried, constrained, dual_coefficients, extended
+from signorini_fx.mechanics.pairs.dual_functions import carried, constrained, dual_coefficients, extended
 from signorini_fx.mechanics.pairs.overlap import plane_overlap, space_overlap, turned
 from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, beside, turning_of, without_round_off
 from signorini_fx.mechanics.pairs.search import Parts, default_reach
@@ -62,7 +62,7 @@ class Coupling:
         centre: where forces act: at the same place on both sides, length, shape (n, d).
         covered: area (in 2D: length) of the slave where both sides meet and one can move, times the measure, of all
             ranks.
-        met: the same with where nothing can move, see ``HeldSides``.
+        met: the same with where nothing can move, see ``Tested.moving``.
     """
 
     nodes: Indices
@@ -117,9 +117,10 @@ class Tested:
         uses_hats = bonded and len(slave.tests.places) < len(slave.functions.places)
         return cls(slave, master, overlap, hats if uses_hats else dual_coefficients(slave, overlap))
 
-    def moving(self, held: HeldSides, *, bonded: bool) -> Tested:
-        """Where one side can move, see ``HeldSides``."""
-        still = held.still(self.slave.nodes[self.overlap.slave], self.master.nodes[self.overlap.master])
+    def moving(self, *, bonded: bool) -> Tested:
+        """Where one side can move: without facets over each other of which supports hold all nodes."""
+        sides = (self.slave, self.overlap.slave), (self.master, self.overlap.master)
+        still = np.logical_and(*(side.held[side.nodes[facets]].all(axis=1) for side, facets in sides))
         return Tested.of(self.slave, self.master, self.overlap.chosen(~still), bonded=bonded) if still.any() else self
 
     def without(self, facets: npt.NDArray[np.bool_]) -> Tested:
@@ -153,6 +154,19 @@ class Tested:
         return self._sums([np.einsum("pqi,pqj->pij", self.weighted, shape) for shape in shapes])
 
     @property
+    def movable(self) -> Array:
+        """By which share nodes of the slave are what can move, or see that, shape (N,).
+
+        A held node of the slave carries a point as any other, as its function moves the master.  Where most of the
+        master that it sees is held, too, nothing can move it, and its neighbours take over its function.
+        """
+        met = self.products[1]
+        of_held, weight = (np.asarray(met @ flags) for flags in (self.master.held * 1.0, np.ones(met.shape[1])))
+        # On a part of a facet a quadratic function may have a negative weight, which says nothing.
+        seen = np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
+        return np.where(self.slave.held, 1.0 - np.clip(seen, 0.0, 1.0), 1.0)
+
+    @property
     def arms(self) -> list[sp.csr_array]:
         """The areas over which the functions see the nodes of both sides, likewise."""
         areas, rows = self.overlap.weight.sum(axis=1)[:, None, None], self.slave.points.shape[1]
@@ -184,8 +198,6 @@ class Tested:
 def couple(
     slave: PairSurface,
     master: PairSurface,
-    unable: npt.NDArray[np.bool_],
-    held: HeldSides,
     *,
     bonded: bool = False,
     nominal: bool = False,
@@ -198,8 +210,6 @@ def couple(
     Args:
         slave: the side with the points.
         master: the other one.
-        unable: nodes of the slave that cannot carry a point, because another contact owns them.
-        held: nodes that supports hold.
         bonded: whether the sides are tied, which on quadratic triangles takes the hats of the vertices.
         nominal: whether the sides are nominally in contact, so that their normals are the same but for their meshes.
         reach: distance beyond which facets are no partners, length; None: a default.
@@ -213,9 +223,9 @@ def couple(
     if reach is None:
         reach = default_reach(slave.x, master.x)
     whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
-    tested = whole.moving(held, bonded=bonded)
-    fixed = constrained(held.movable(tested.products[1]))
-    nodes, shares = carried(slave, tested.covered, tested.areas, unable | fixed)
+    tested = whole.moving(bonded=bonded)
+    fixed = constrained(tested.movable)
+    nodes, shares = carried(slave, tested.covered, tested.areas, slave.unable | fixed)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     # Facets apart from all points, of which all nodes are constrained: nobody takes over their functions.

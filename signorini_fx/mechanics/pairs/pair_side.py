@@ -24,6 +24,7 @@ from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 # Degrees of quadrature for integrals over one side alone, by the nodes of a facet: exact on affine facets.
 _DEGREE = 8
@@ -126,6 +127,8 @@ class PairSurface:
         functions: of each facet.
         sign: +1 where the outward normal is (dx/ds x dx/dt), in 2D dx/ds turned clockwise; else -1, shape (f,).
         across: projectors onto the directions across planes of symmetry at all nodes, shape (N, d, d).
+        held: nodes that supports hold along their normals, shape (N,).
+        unable: nodes that cannot carry a point, because another contact owns them, shape (N,).
         measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape (N,); None: 1.
         undeformed: positions of all nodes of which areas are, where ``x`` are those of a deformed body, length, shape
             (N, d); None: those of ``x``.
@@ -136,8 +139,18 @@ class PairSurface:
     functions: Lagrange
     sign: Array
     across: Array
+    held: Flags
+    unable: Flags
     measure: Array | None = None
     undeformed: Array | None = None
+
+    @classmethod
+    def of(
+        cls, nodes: Indices, x: Array, functions: Lagrange, sign: Array, measure: Array | None = None
+    ) -> PairSurface:
+        """A side that nothing holds."""
+        none: Flags = np.zeros(len(x), dtype=bool)
+        return cls(nodes, x, functions, sign, np.zeros((*x.shape, x.shape[1])), none, none, measure)
 
     def displaced(self, displacement: Array) -> PairSurface:
         """The same nodes elsewhere, with the areas of the undeformed surface; ``displacement``: shape (N, d)."""
@@ -320,13 +333,6 @@ def scaled_columns(matrix: Any, factors: Array) -> sp.csr_array:
     scaled = sp.csr_array(matrix @ sp.diags_array(factors))
     scaled.eliminate_zeros()
     return scaled
-
-
-def placed_rows(matrix: sp.csr_array, rows: npt.NDArray[np.int64], count: int) -> sp.csr_array:
-    """Rows of a matrix as some, ascending, of so many, of which the others are empty."""
-    sizes = np.zeros(count + 1, dtype=matrix.indptr.dtype)
-    sizes[rows + 1] = np.diff(matrix.indptr)
-    return sp.csr_array((matrix.data, matrix.indices, np.cumsum(sizes)), shape=(count, matrix.shape[1]))
 
 
 def of_components(matrix: Any, count: int) -> sp.csr_array:

@@ -26,14 +26,13 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from signorini_fx.mechanics.pairs.dual_functions import HeldSides, carried_evenly
+from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.pair_side import (
     PairSurface,
     beside,
     of_blocks,
     of_components,
-    placed_rows,
     scaled_rows,
     turned_normals,
 )
@@ -151,9 +150,7 @@ def slide(
     slave: PairSurface,
     master: PairSurface,
     points: Indices,
-    unable: npt.NDArray[np.bool_],
     reach: float,
-    held: HeldSides,
 ) -> SlidingCoupling:
     """The map of two deformed sides, in 3D of degree 1.
 
@@ -161,17 +158,15 @@ def slide(
         slave: the side with the points, see ``PairSurface.displaced``.
         master: the other one.
         points: nodes of the slave that have a point, ascending, shape (n,).
-        unable: nodes of the slave that cannot carry a point, shape (N,).
         reach: distance beyond which facets are no partners, length.
-        held: nodes that supports hold.
 
     Raises:
         PairingError: a facet sees two sheets of the master.
     """
     whole, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
-    tested = whole.moving(held, bonded=False)
-    nodes, shares = carried_evenly(slave, tested.covered, tested.areas, unable, held.movable(tested.products[1]))
+    tested = whole.moving(bonded=False)
+    nodes, shares = carried_evenly(slave, tested.covered, tested.areas, tested.movable)
     found = coupled(tested, nodes, shares)
     at = np.searchsorted(points, nodes)  # rows of points that have a partner
     partnered = np.zeros(points.size, dtype=bool)
@@ -180,24 +175,24 @@ def slide(
     unpaired = np.flatnonzero(~partnered)
     at_nodes = np.ones(unpaired.size), (unpaired, points[unpaired])
     itself = sp.csr_array(at_nodes, shape=(count, len(slave.x)))
+    placing = sp.eye_array(count, format="csc")[:, at]
 
     weights = slave.area[points]
     weights[at] = found.weight
-    sharing, opposite = sp.csr_array(placed_rows(found.slave, at, count) + itself), placed_rows(found.master, at, count)
+    sharing, opposite = sp.csr_array(placing @ found.slave + itself), sp.csr_array(placing @ found.master)
     normals, centre = slave.in_planes(slave.directions[points], points), slave.x[points]
     normals[at], centre[at] = found.normal, found.centre
     tangents = tangents_of_points(slave, points, normals)
     # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
-    components = (dim * at[:, None] + np.arange(dim)).ravel()
-    relative = of_components(beside(sharing, -opposite), dim) + placed_rows(found.turning, components, dim * count)
+    relative = of_components(beside(sharing, -opposite), dim) + of_components(placing, dim) @ found.turning
     tangent_rows = sp.csr_array(along_vectors(tangents) @ relative)
     normal_rows = along_vectors(np.where(partnered[:, None], 0.0, normals)[:, :, None]) @ relative
     gap = np.full(count, reach)
     pieces = None
     if at.size:
         inverse = np.asarray(1.0 / found.weight, dtype=np.float64)
-        mean = placed_rows(scaled_rows(inverse, shares), at, count)  # of moments of the functions
-        pieces = SlidingPieces.of(tested, directions, mean)
+        mean = placing @ scaled_rows(inverse, shares)  # of moments of the functions
+        pieces = SlidingPieces.of(tested, directions, sp.csr_array(mean))
         gap[at] = pieces.gap[at]
         normal_rows = normal_rows - pieces.rows
     frames = Frames(sharing, opposite, tangents, partnered)
