@@ -131,7 +131,7 @@ def _of_contact_in_step(solution: Any) -> dict[str, Any]:
         columns |= _by_axis("friction_moment", [boundary.friction_moment], [name])
     if contact.boundary.kinematics.out_of_section:
         columns["torque"] = float(contact.moments[1][1])
-    motions = contact.mean_tangential_of_each if names else [contact.mean_tangential_displacement]
+    motions = contact.mean_tangential_displacements[1:] if names else [contact.mean_tangential_displacement]
     columns |= _by_axis("mean_tangential_displacement", motions, names)
     return columns | {"friction_work": contact.friction_work}
 

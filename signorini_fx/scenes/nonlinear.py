@@ -224,7 +224,8 @@ class ProblemOfScene(NonlinearContactProblem):
         for number, (entry, given) in enumerate(zip(statement.contact, self.statement.contact, strict=True)):
             if given.gap_timed:
                 gap = entry.gap if isinstance(entry.gap, float) else partial(sample, entry.gap)
-                self.linear.foundations.give_gap(number, gap)
+                key = "allowance" if self.linear.contact[number].by_geometry else "gap"
+                self.linear.foundations.change(number, **{key: gap})
             if given.friction.timed:
                 self.linear.foundations.change(number, friction=_at_its_time(entry.friction))
             moving = self.shapes.get(number)

@@ -184,14 +184,11 @@ class MovingFoundations(Foundations):
             alone[boundary.part == number] = pair.alone
         return alone
 
-    def _gap_of(self, number: int) -> tuple[Array, Array | None]:
-        if (pair := self.sliding.get(number)) is None:
-            return super()._gap_of(number)
-        allowance = self._values[number](self._contact[number].allowance, f"contact[{number}].allowance")
-        gap = allowance.copy()
-        pair.allowance = allowance[: pair.allowance.size]
-        gap[pair.local_points] += pair.opening
-        return gap, allowance
+    def _gap_of(self, number: int) -> Array:
+        gap = super()._gap_of(number)
+        if (pair := self.sliding.get(number)) is not None:
+            gap[pair.local_points] += pair.opening
+        return gap
 
     def _distance_of(self, number: int) -> Array:
         moving, at, path = self.moving[number], self._values[number], f"contact[{number}]"

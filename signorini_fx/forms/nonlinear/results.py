@@ -136,9 +136,7 @@ def _conditions(linear: LinearisedProblem, fixed: npt.NDArray[np.bool_], values:
         gap[moving.nodes] += moving.added
         data[number] = replace(data[number], gap=gap, shape=replace(data[number].shape, direction=along))
     for number in foundations.sliding:  # their distance is that of the map
-        allowance = data[number].allowance
-        assert allowance is not None
-        data[number] = replace(data[number], gap=allowance)
+        data[number] = replace(data[number], gap=foundations.given_gap(number))
     boundary = linear.points([entry.shape for entry in data], fixed, values)
     regularised, law = foundations.problem(boundary, data, Settings.of(linear.settings), linear.scales)
     both: Mapping[int, PairedSides | MovingPair] = {**foundations.pairs, **foundations.sliding}

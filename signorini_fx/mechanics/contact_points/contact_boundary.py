@@ -188,10 +188,6 @@ class ContactBoundary:
         points, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         return SharedNodes(points, beside, np.einsum("nji,nj->ni", self.coframes[points], self.normal[beside]))
 
-    def traces(self, y: Nodal) -> tuple[Nodal, Nodal]:
-        """(tau_N y, tau_T y), shapes (n,) and (n, d - 1), from nodal displacements of shape (n, d)."""
-        return np.einsum("ij,ij->i", y, self.normal), np.einsum("ij,ijk->ik", y, self.tangents)
-
     def nodal_forces(self, pressure: Nodal, shear: Nodal) -> Nodal:
         """Nodal w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing`` for n."""
         along = self.normal if self.pushing is None else self.pushing

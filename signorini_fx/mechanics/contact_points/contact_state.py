@@ -65,16 +65,11 @@ class ContactState(PointState):
         """Mean of tau_T y over the contact boundary, length: along the tangent; in 3D a vector, shape (3,);
         collective.
         """
-        return self._mean_tangential[0]
-
-    @property
-    def mean_tangential_of_each(self) -> list[float | Nodal]:
-        """The same of each contact boundary, in the order of the scene; collective."""
-        return self._mean_tangential[1:]
+        return self.mean_tangential_displacements[0]
 
     @cached_property
-    def _mean_tangential(self) -> list[float | Nodal]:
-        """Of all contact boundaries together, and of each."""
+    def mean_tangential_displacements(self) -> list[float | Nodal]:
+        """Of all contact boundaries together, and of each, in the order of the scene; collective."""
         boundary, along = self.boundary, self.displaced(self.u_t)
         sums = np.zeros((len(self.forces_of_each), along.shape[1] + 1))
         np.add.at(sums, boundary.part, boundary.weight[:, None] * np.column_stack((along, np.ones(len(along)))))

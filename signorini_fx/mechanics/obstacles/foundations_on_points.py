@@ -63,15 +63,13 @@ class ShapeDistances:
 
 @dataclass(frozen=True)
 class FoundationData:
-    """What one foundation says at all nodes of this rank: direction and measure, its law of friction, None: none, the
-    gap d, length, nan where no facet is, and the ``allowance``: what the user gives of the gap of a pair, without what
-    its sides say, None: all of it is given.
+    """What one foundation says at all nodes of this rank: direction and measure, its law of friction, None: none, and
+    the gap d, length, nan where no facet is.
     """
 
     shape: ShapeDistances
     law: FrictionLaw | None
     gap: Array
-    allowance: Array | None = None
 
 
 class Foundations:
@@ -211,19 +209,11 @@ class Foundations:
         """Names of the foundations with shapes, these where they are, and what is added to the distance."""
         return [(f"contact[{k}].shape", at.shape, at.added) for k, at in self._distances.items()]
 
-    def give_gap(self, number: int, value: Any) -> None:
-        """Another gap of a contact, or of a pair by geometry another allowance: a number or a callable."""
-        self.change(number, **{"allowance" if self._contact[number].by_geometry else "gap": value})
-
     def change(self, number: int, **values: Any) -> None:
         """Another gap or friction law of a contact that has one."""
         contact = list(self._contact)
         contact[number] = replace(contact[number], **values)
         self._contact = contact
-
-    def nodal_values(self, number: int) -> NodalValues:
-        """What evaluates numbers, callables and UFL at the nodes of a contact."""
-        return self._values[number]
 
     def settle(self) -> None:
         """Count the motion of shapes from where they are."""
@@ -377,20 +367,24 @@ class Foundations:
         taken = [self.facets[k] for k in first if k != number]
         return FacingSides.of(self._space, sides, number, flags, taken, turned, rests, factor)
 
-    def _gap_of(self, number: int) -> tuple[Array, Array | None]:
-        """The gap of one contact at the nodes, and what of it is no geometry of a pair, which points alone have."""
-        contact, at = self._contact[number], self._values[number]
+    def given_gap(self, number: int) -> Array:
+        """What the user gives of the gap of one contact, at all nodes of this rank; collective."""
+        contact = self._contact[number]
         key = "allowance" if contact.by_geometry else "gap"
-        given = at(0.0 if contact.bonded else getattr(contact, key), f"contact[{number}].{key}")
-        if (pair := self._pairs.get(number)) is None:
-            return (given + self._distance_of(number) if number in self._distances else given), None
-        if not contact.by_geometry:
-            return given, None
-        gap, distance = given.copy(), pair.coupling.gap
-        if contact.adjust is not None:
-            distance = np.where(distance <= (1.0 + DIGITS_OF_FILES) * contact.adjust, 0.0, distance)
-        gap[pair.sides.local(pair.coupling.nodes)] += distance
-        return gap, given
+        given = 0.0 if contact.bonded else getattr(contact, key)
+        return self._values[number](given, f"contact[{number}].{key}")
+
+    def _gap_of(self, number: int) -> Array:
+        """The gap of one contact at the nodes; what the sides of a pair say points alone have."""
+        contact, gap, pair = self._contact[number], self.given_gap(number), self._pairs.get(number)
+        if number in self._distances:
+            gap = gap + self._distance_of(number)
+        if pair is not None and contact.by_geometry:
+            distance = pair.coupling.gap
+            if contact.adjust is not None:
+                distance = np.where(distance <= (1.0 + DIGITS_OF_FILES) * contact.adjust, 0.0, distance)
+            gap[pair.sides.local(pair.coupling.nodes)] += distance
+        return gap
 
     @cached_property
     def cells(self) -> BodyCells:
@@ -445,7 +439,7 @@ class Foundations:
             FormError: a value is wrong somewhere.
         """
         laws = self.friction()
-        return [FoundationData(shape, laws[k], *self._gap_of(k)) for k, shape in enumerate(shapes)]
+        return [FoundationData(shape, laws[k], self._gap_of(k)) for k, shape in enumerate(shapes)]
 
     def problem(
         self, boundary: ContactBoundary, data: Sequence[FoundationData], settings: Settings, scales: Scales

@@ -426,7 +426,6 @@ class MovingPair:
         coupling: the map there.
         settled: the displacement at the end of the last step.
         begun: which nodes the points met there.
-        allowance: what is added to the gap, at the owned nodes of the space, length, shape (owned nodes,).
     """
 
     settled: Array
@@ -444,7 +443,6 @@ class MovingPair:
         self.reach = default_reach(surface.x, sides.master.surface.x) if reach is None else reach
         self.displacement = np.zeros_like(sides.x)
         self.coupling = self._at(self.displacement)
-        self.allowance: Array = np.zeros(sides.space.dofmap.index_map.size_local)
         self.settle()
 
     def move(self, owned: Array) -> None:
@@ -562,28 +560,11 @@ class MovingPair:
 
     @property
     def rotation(self) -> Array:
-        """That of the frames of the points of this rank since the step has begun, shape (n, d, d), in 2D of no account:
-        in a plane of symmetry, where neither half turns about the normal alone, about the direction across it.
-        """
+        """That of the frames of the points of this rank since the step began, shape (n, d, d); in 2D none counts."""
         if self.displacement.shape[1] == 2:
             return np.eye(2)
         frames, start = (
-            np.concatenate((_normals_of(frames.tangents)[:, :, None], self._tangents(frames)), axis=2)
-            for frames in (self.coupling.frames, self.begun)
+            np.concatenate((np.cross(tangents[:, :, :1], tangents[:, :, 1:], axis=1), tangents), axis=2)
+            for tangents in (self.coupling.frames.tangents, self.begun.tangents)
         )
         return np.asarray(np.einsum("nik,njk->nij", frames, start))[self.mine]
-
-    def _tangents(self, frames: Frames) -> Array:
-        """Those of frames in 3D, in a plane of symmetry along it and across it, shape (n, 3, 2)."""
-        tangents, planes = frames.tangents.copy(), self.across
-        held = np.flatnonzero(planes.any(axis=(1, 2)))
-        normal, across = _normals_of(tangents[held]), np.linalg.eigh(planes[held])[1][:, :, -1]
-        across -= np.sum(across * normal, axis=1, keepdims=True) * normal
-        across /= np.linalg.norm(across, axis=1, keepdims=True)
-        tangents[held] = np.stack((across, np.cross(normal, across)), axis=2)
-        return tangents
-
-
-def _normals_of(tangents: Array) -> Array:
-    """The normals that make frames of tangents in 3D, shape (n, 3)."""
-    return np.asarray(np.cross(tangents[:, :, 0], tangents[:, :, 1]))

@@ -208,7 +208,9 @@ def along_vectors(vectors: Array) -> sp.csr_array:
 
 
 def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:
-    """T_i of points at some nodes, shape (n, d, d - 1): in 3D they turn with the slave around the node."""
+    """T_i of points at some nodes, shape (n, d, d - 1): in 3D they turn with the slave around the node; the first one
+    of a point in a plane of symmetry, where neither half turns about the normal alone, stays across it.
+    """
     if slave.dimension == 2:
         return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]
     outward = slave.displaced(np.zeros_like(slave.x)).nodal_normals[points]
@@ -220,4 +222,6 @@ def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> A
     # The least rotation that takes the normal to that of the point.
     bisector, along = outward + normals, np.einsum("ni,ni->n", normals, first)
     first = first - (along / (1.0 + np.einsum("ni,ni->n", outward, normals)))[:, None] * bisector
+    on_plane = slave.across[points].any(axis=(1, 2))
+    first[on_plane] = np.linalg.eigh(slave.across[points[on_plane]])[1][:, :, -1]
     return np.stack((first, np.cross(normals, first)), axis=2)
