@@ -15,34 +15,21 @@ from signorini_fx.tuned import DEEPEST_OVERLAP, FACING_SIDES, SAME_LENGTH
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-# At most so many balls reach from a part to its farthest partners: few, for time, and enough, for memory.
+# At most so many balls reach from a patch to its farthest partners: few, for time, and enough, for memory.
 _BALLS = 16
 
 
 @dataclass(frozen=True)
-class Parts:
-    """The linear parts of facets of a side, p of them.
+class Patches:
+    """Flat pieces of a surface, p of them.
 
     Attributes:
-        facet: of which facet, shape (p,).
-        reference: their corners in its reference facet, shape (p, c, d - 1).
         corners: positions, length, shape (p, c, d).
         normal: outward unit normals at their middles, shape (p, d).
     """
 
-    facet: Indices
-    reference: Array
     corners: Array
     normal: Array
-
-    @classmethod
-    def of(cls, side: PairSurface, facets: Indices) -> Parts:
-        """Those of some facets."""
-        parts = side.functions.parts
-        facet, reference = np.repeat(facets, len(parts)), np.tile(parts, (len(facets), 1, 1))
-        corners, linear = side.positions(facet, reference), Lagrange(side.functions.corners)
-        normal = across(linear.slopes(linear.places.mean(axis=0)[None])[:, None] @ corners)[:, 0]
-        return cls(facet, reference, corners, normal * (side.sign[facet] / np.linalg.norm(normal, axis=1))[:, None])
 
     @cached_property
     def centre(self) -> Array:
@@ -53,6 +40,26 @@ class Parts:
     def radius(self) -> Array:
         """Of a ball around the centre, shape (p,)."""
         return np.asarray(np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1))
+
+
+@dataclass(frozen=True)
+class Parts(Patches):
+    """The linear parts of facets of a side: of which facet each is, shape (p,), and its corners in its reference facet,
+    shape (p, c, d - 1).
+    """
+
+    facet: Indices
+    reference: Array
+
+    @classmethod
+    def of(cls, side: PairSurface, facets: Indices) -> Parts:
+        """Those of some facets."""
+        parts = side.functions.parts
+        facet, reference = np.repeat(facets, len(parts)), np.tile(parts, (len(facets), 1, 1))
+        corners, linear = side.positions(facet, reference), Lagrange(side.functions.corners)
+        normal = across(linear.slopes(linear.places.mean(axis=0)[None])[:, None] @ corners)[:, 0]
+        normal *= (side.sign[facet] / np.linalg.norm(normal, axis=1))[:, None]
+        return cls(corners, normal, facet, reference)
 
 
 def default_reach(slave: Array, master: Array) -> float:
@@ -68,18 +75,18 @@ def default_reach(slave: Array, master: Array) -> float:
     return nearest + DEEPEST_OVERLAP * min(sizes)
 
 
-def candidates(slave: Parts, master: Parts, reach: float, turning: Array) -> tuple[Indices, Indices]:
-    """Pairs of parts that face each other, one over the other as the slave's normal sees it, and within reach.
+def candidates(slave: Patches, master: Patches, reach: float, turning: Array) -> tuple[Indices, Indices]:
+    """Pairs of patches that face each other, one over the other as the slave's normal sees it, and within reach.
 
     Args:
-        slave: parts of the one side.
+        slave: patches of the one side.
         master: those of the other one.
         reach: length.
-        turning: tangent of the angle between the directions of projection and the normal of each part of the slave,
+        turning: tangent of the angle between the directions of projection and the normal of each patch of the slave,
             shape (p,).
 
     Returns:
-        Numbers of the slave and of the master part of each pair, ascending, shape (m,) each.
+        Numbers of the slave and of the master patch of each pair, ascending, shape (m,) each.
     """
     none = np.zeros(0, dtype=np.int64)
     if not len(slave.corners) or not len(master.corners):
@@ -90,7 +97,7 @@ def candidates(slave: Parts, master: Parts, reach: float, turning: Array) -> tup
     farthest = slave.radius + largest + reach
     balls = min(int(np.ceil(farthest.max() / largest)), _BALLS)
     height, pairs = farthest / balls, [none]
-    for number in range(1 - balls, balls, 2):  # balls around the normal of each part, over it and under it
+    for number in range(1 - balls, balls, 2):  # balls around the normal of each patch, over it and under it
         middle = height * number
         across = aslant * (slave.radius + largest) + turning * (np.abs(middle) + height)
         middles = slave.centre + middle[:, None] * slave.normal
