@@ -37,7 +37,7 @@ class ProblemOfForms:
 
     assembled: FormSolver
     _ended: Any  # what knows how the last solve has ended
-    titled: Callable[[str], Solution]  # ``solution`` with a title; collective
+    titled: Callable[[str], Solution]
     # What each owned cell of a solution has of the squared error, and the strain energy, see ``combined``; collective.
     _errors_in_body: Callable[[Solution], tuple[Any, float]]
     # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data; collective.
@@ -337,6 +337,7 @@ class ContactProblem(ProblemOfForms):
         return stress.squares, stress.energy
 
     def titled(self, title: str) -> Solution:
+        """``solution`` with a title; collective."""
         from signorini_fx.forms.steps import solution_of
 
         return solution_of(self.assembled, self._ran, title)

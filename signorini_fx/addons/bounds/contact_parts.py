@@ -56,8 +56,8 @@ class ContactParts:
         axes = np.linalg.svd(along[None])[2][1:]
         places = [t.x[t.facets[side]] @ axes.T for side in (slave, master)]
         apart = abs(float((t.x[t.facets[master[0], 0]] - t.x[t.facets[slave[0], 0]]) @ along))
-        patches = (Patches(t.x[t.facets[side]], t.normal[side]) for side in (slave, master))
-        pairs = np.column_stack(candidates(*patches, apart, np.zeros(len(slave))))
+        one, other = (Patches(t.x[t.facets[side]], t.normal[side]) for side in (slave, master))
+        pairs = np.column_stack(candidates(one, other, apart, np.zeros(len(slave))))
         corners, number = _shared(places[0][pairs[:, 0]], places[1][pairs[:, 1]])
         of, area = pairs[number], np.abs(_sizes(corners))
         positive = area > NOTHING_LEFT * t.area[slave[of[:, 0]]]

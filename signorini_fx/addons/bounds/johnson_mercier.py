@@ -174,7 +174,7 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
     parts at a facet between them differ; divergences, of degree 2 at the corners of the parts.
     """
     count, slopes = d + 1, slopes_of_parts(d)
-    nodes = [*combinations(range(count), 1), *(map(tuple, EDGES[d].tolist()) if degree == 2 else ())]
+    nodes = [*combinations(range(count), 1), *(tuple(edge) for edge in EDGES[d] if degree == 2)]
     # Vertices of the parts: those of the cell, and its centroid with the number d + 1.
     numbers = [[*map(int, facet), count] for facet in FACETS[d]]
     _, derivatives = lagrange(d, degree, np.eye(count)[:, 1:])
@@ -192,7 +192,7 @@ def equations(d: int, degree: int) -> tuple[Array, Array, Array]:
         outer += [row((part, k, normal)) for k, node in enumerate(nodes) if d not in node]
         for corner in range(count if degree == 2 else 1):
             gradients = derivatives[:, corner].T @ slopes[part, 1:]
-            divergences.append(row(*((part, k, gradient) for k, gradient in enumerate(gradients))))
+            divergences.append(row(*((part, k, np.asarray(vector)) for k, vector in enumerate(gradients))))
     for i, j in combinations(range(count), 2):
         opposite = numbers[i].index(j)
         normal = slopes[i, opposite] / np.linalg.norm(slopes[i, opposite])

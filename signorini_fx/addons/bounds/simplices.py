@@ -225,7 +225,8 @@ class Simplices:
         bubble = middle - at[:, EDGES[d]].mean(axis=2)
         gradient = np.repeat(np.einsum("nid,nij->ndj", at, g)[:, None], d + 1, axis=1)
         if np.any(bubble):
-            for k, (a, b) in enumerate(EDGES[d]):  # 4 l_a l_b
+            for k in range(len(EDGES[d])):  # 4 l_a l_b
+                a, b = EDGES[d][k]
                 gradient[:, a] += 4 * bubble[:, k, :, None] * g[:, b, None]
                 gradient[:, b] += 4 * bubble[:, k, :, None] * g[:, a, None]
         rows, columns = ROWS[d], COLUMNS[d]

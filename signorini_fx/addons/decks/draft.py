@@ -109,8 +109,8 @@ def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, d
         held = tuple(value is not None for value in values) if supports and None in values else ()
         if held and not releases and any(held):
             free = ", ".join(name for name, value in zip(deck.steps, values, strict=False) if value is None)
-            where = f"at = {written(load.place[0][1])}" if load.place else repr(load.target)
-            deck.lose(load.block, f"{where} is free along {load.keys[-1]} in {free}: here it is held there")
+            what = f"at = {written(load.place[0][1])}" if load.place else repr(load.target)
+            deck.lose(load.block, f"{what} is free along {load.keys[-1]} in {free}: here it is held there")
             held = ()
         elif held and not any(held):
             continue

@@ -134,7 +134,7 @@ class PlaneBoundary(ContactColumns):
         piece = np.searchsorted(self.starts, rows, side="right")
         apart = (np.abs(np.diff(rows)) > 1) | (np.diff(piece) != 0)
         columns = {key: column[rows] for key, column in self.columns.items()}
-        starts = [0, *(np.flatnonzero(apart) + 1).tolist()]
+        starts = [0, *map(int, np.flatnonzero(apart) + 1)]
         return replace(self, columns=columns, coordinate=self.coordinate[rows], starts=starts)
 
     def near(self) -> PlaneBoundary:

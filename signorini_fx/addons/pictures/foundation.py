@@ -56,7 +56,7 @@ class Foundation:
         image = {name: rows[::-1] * (-1.0, 1.0) if rows.ndim == 2 else rows[::-1] for name, rows in own.items()}
         surface = self.surface and [*self.surface, *(line[::-1] * (-1.0, 1.0) for line in self.surface)]
         for one, other in ((image, own), (own, image)):
-            last, end, start = *one["nodes"][-2:], other["nodes"][0]
+            (last, end), start = one["nodes"][-2:], other["nodes"][0]
             if np.hypot(*(start - end)) <= 4 * np.hypot(*(end - last)):  # the axis itself has no contact points
                 joined = {name: np.concatenate((rows, other[name])) for name, rows in one.items()}
                 return [replace(self, **joined, surface=surface)]

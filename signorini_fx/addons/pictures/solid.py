@@ -115,7 +115,7 @@ def ground_of(foundation: Foundation, factor: float) -> tuple[Floats, Rows]:
     if (rectangle := _plane_of(points)) is not None:
         points, facets, away = rectangle, np.arange(4)[None], foundation.normals.sum(axis=0)
     elif factor == 1 and foundation.surface is not None:
-        return foundation.surface  # type: ignore[no-any-return]
+        return foundation.surface
     outwards = np.sum(normals_of(points, facets) * away, axis=1) > 0
     return points, np.where(outwards[:, None], facets[:, ::-1], facets)
 

@@ -188,6 +188,7 @@ class NonlinearContactProblem(ProblemOfForms):
         return self._solver.iterations
 
     def titled(self, title: str) -> Solution:
+        """``solution`` with a title; collective."""
         solved = self._solver.solved
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")

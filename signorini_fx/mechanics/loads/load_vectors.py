@@ -157,6 +157,7 @@ class FormCoefficients:
         boundary, spread, mesh = str(effect.where), effect.spread, self.space.mesh
         if (boundary, spread) not in self._totals:
             form = _compiled([effect], lambda effect: self.value(effect.spread), self)
+            assert form is not None  # the effect has a boundary
             integral = float(parallel.global_sum(mesh.comm, np.array(fem.assemble_scalar(form))))
             corners = facet_vertices(mesh, self.tagged.facets(boundary))
             largest = parallel.largest(mesh.comm, np.abs(sample(spread, corners.reshape(-1, 3).T)))

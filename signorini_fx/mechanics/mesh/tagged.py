@@ -223,7 +223,7 @@ def curvature(tagged: TaggedMesh) -> float:
     if (kind := cells.kind_of_mesh(tagged.mesh)) is None:  # higher ones come from the caller
         return 0.0
     x, nodes = tagged.mesh.geometry.x, compat.geometry_cells(tagged.mesh).astype(np.int64)
-    return parallel.global_max(tagged.mesh.comm, cells.curvature(x, nodes, kind))
+    return parallel.global_max(tagged.mesh.comm, cells.curvature(np.asarray(x, dtype=np.float64), nodes, kind))
 
 
 def generate_mesh(name: str, parameters: Mapping[str, Any], comm: MPI.Comm, sizes: Sizes = ()) -> TaggedMesh:
@@ -340,7 +340,8 @@ def from_arrays(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> TaggedMesh:
     kind, nodes, astray, *names = parallel.on_root(comm, made)
     cell, none = CELLS[kind], np.empty(0, dtype=np.int64)
     empty = none.reshape(0, len(cell.nodes)), none.reshape(0, len(CELLS[cell.facet].nodes))
-    nothing = MeshArrays(np.empty((0, cell.dim)), kind, *empty, *(dict.fromkeys(of, none) for of in names))
+    boundaries_of_none, regions_of_none = (dict.fromkeys(of, none) for of in names)
+    nothing = MeshArrays(np.empty((0, cell.dim)), kind, *empty, boundaries_of_none, regions_of_none)
     arrays = on_root.pop() if on_root else nothing
     facets, of_facets, boundaries = _combined(comm, arrays.boundaries)
     cells, of_cells, regions = _combined(comm, arrays.regions)

@@ -120,7 +120,8 @@ class Tested:
     def moving(self, *, bonded: bool) -> Tested:
         """Where one side can move: without facets over each other of which supports hold all nodes."""
         sides = (self.slave, self.overlap.slave), (self.master, self.overlap.master)
-        still = np.logical_and(*(side.held[side.nodes[facets]].all(axis=1) for side, facets in sides))
+        on_slave, on_master = (np.asarray(side.held[side.nodes[facets]].all(axis=1)) for side, facets in sides)
+        still = on_slave & on_master
         return Tested.of(self.slave, self.master, self.overlap.chosen(~still), bonded=bonded) if still.any() else self
 
     def without(self, facets: npt.NDArray[np.bool_]) -> Tested:

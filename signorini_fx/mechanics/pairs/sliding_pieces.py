@@ -341,14 +341,14 @@ def _on_edges(
     enters, leaves = np.where(valid, shares, np.inf).min(axis=1), np.where(valid, shares, -np.inf).max(axis=1)
     places, weights = np.polynomial.legendre.leggauss(_ON_EDGE)
     rows = np.repeat(np.flatnonzero(leaves - enters > NOTHING_LEFT), places.size)
-    count = rows.size // places.size
+    cut = rows.size // places.size
     width, start, along = (leaves - enters)[rows] / 2, start[rows], along[rows]
-    at_edge = enters[rows] + width * np.tile(places + 1, count)
+    at_edge = enters[rows] + width * np.tile(places + 1, cut)
     length = np.linalg.norm(along, axis=1)
     across = np.einsum("mk,mkd->md", np.column_stack((along[:, 1], -along[:, 0])) / length[:, None], axes[rows])
     p, first = start + at_edge[:, None] * along, np.full((rows.size, 1, 2), 1.0 / 3.0)
     at = projected_places(slave, facet[rows], first, p[:, None], middle[rows], axes[rows])[:, 0]
-    return rows, at, np.column_stack((1 - at_edge, at_edge)), width * length * np.tile(weights, count), across
+    return rows, at, np.column_stack((1 - at_edge, at_edge)), width * length * np.tile(weights, cut), across
 
 
 def _around_facet(side: PairSurface) -> Indices:

@@ -19,11 +19,11 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, cast
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
+from pydantic import BaseModel, BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
@@ -86,7 +86,7 @@ class Placed:
 
     def placing_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Vectors that do not fit the dimension of the mesh, and why."""
-        where, entries = MESH_IS[dimension], dict[str, Any](self)
+        where, entries = MESH_IS[dimension], dict[str, Any](cast("BaseModel", self))
         for key, value in entries.items():
             vector = isinstance(value, tuple) and key not in ("rotation", "moment") and not isinstance(value[0], tuple)
             if vector and len(value) != dimension:

@@ -63,8 +63,8 @@ class ContactNodes(ContactConditions):
     @classmethod
     def of(cls, contact: ContactConditions, tractions: Tractions) -> ContactNodes:
         """The contact points of a problem with tractions at them."""
-        known = [getattr(contact, field.name) for field in fields(ContactConditions)]
-        return cls(*known, tractions.pressure, tractions.shear)
+        known = {field.name: getattr(contact, field.name) for field in fields(ContactConditions)}
+        return cls(**known, pressure=tractions.pressure, shear=tractions.shear)
 
     @cached_property
     def bound(self) -> Nodal:
