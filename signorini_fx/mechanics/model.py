@@ -18,7 +18,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from signorini_fx.algebra import Settings
-from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
+from signorini_fx.algebra.algorithms.task import Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.contact_map import ContactMap
@@ -33,7 +33,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, block_diagonal, contact_map
-from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.elasticity.elastic_law import embedding
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -161,9 +160,12 @@ class ElasticBody:
         if self.mixed is None:
             definite = self.definite
             return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible, definite=definite)
-        touched = self.prescribed.copy()
-        touched[_touched(self.contact)] = True
-        enclosed = retained > 0 and self.mixed.encloses(self.vector, touched)
+        operator = self.contact.operator
+        touched, (_, columns, values) = operator.createVecRight(), operator.getValuesCSR()
+        touched.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
+        touched.assemble()
+        held_in_contact = self.prescribed | (touched.getArray(readonly=True) > 0)
+        enclosed = retained > 0 and self.mixed.encloses(self.vector, held_in_contact)
         return SystemSize(self.comm, self.dofs, across, retained, held, False, definite=False, enclosed=enclosed)
 
     @shared_in("of_body")
@@ -389,11 +391,6 @@ class ElasticBody:
             **options,
         )
 
-    def state(self, task: Task, outcome: Outcome, start: Start) -> ContactState:
-        """The contact points in a result of ``task``, see ``Task.contact``."""
-        assert self.boundary is not None
-        return ContactState.of(task.contact(outcome, start), self.boundary)
-
     def from_rest(self, resting: ReferenceMotion | None, displacement: PETSc.Vec) -> fem.Function:
         """A displacement that is counted from the reference motion, converted to one from the initial position."""
         function = self.function(displacement)
@@ -529,15 +526,6 @@ class Model(ElasticBody):
             if load.again is not None:
                 system.set_case(number, self._case(load.at(step)))
         return self.factors(step)
-
-
-def _touched(contact: ContactMap) -> npt.NDArray[np.int64]:
-    """The unknowns of this rank that contact acts on."""
-    mark = contact.operator.createVecRight()
-    _, columns, values = contact.operator.getValuesCSR()
-    mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
-    mark.assemble()
-    return np.flatnonzero(mark.getArray(readonly=True) > 0)
 
 
 def vector_like(matrix: PETSc.Mat, values: Array) -> PETSc.Vec:

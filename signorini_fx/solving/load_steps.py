@@ -77,7 +77,8 @@ class BegunStep:
         with body.timings.phase("certify"):
             unknowns = outcome.displacement()
             displacement = model.from_rest(task.rest, unknowns)
-            contact = None if model.boundary is None else model.state(task, outcome, start)
+            at = model.boundary
+            contact = None if at is None else ContactState.of(task.contact(outcome, start), at)
             rigid = model.rigid.moved(model.driven(unknowns, task.rest)) if model.rigid.bodies else ()
             certificate = model.certified(
                 displacement,

@@ -52,11 +52,9 @@ class Averages:
         nodes, x, fixed = (np.concatenate([getattr(part, name) for part in parts]) for name in ("nodes", "x", "fixed"))
         if not any(part.paired for part in parts):
             return cls(shares, nodes, x, fixed)
-        operators = [part.operator for part in parts]
-        centre, lifts = np.concatenate([part.arm for part in parts]), [part.lift for part in parts]
+        lifts, between = [part.lift for part in parts], sp.block_diag([part.operator for part in parts], format="csr")
         lift = None if any(matrix is None for matrix in lifts) else sp.block_diag(lifts, format="csr")
-        between = sp.block_diag(operators, format="csr")
-        return cls(shares, nodes, x, fixed, centre, lift, between)
+        return cls(shares, nodes, x, fixed, np.concatenate([part.arm for part in parts]), lift, between)
 
     @property
     def paired(self) -> bool:

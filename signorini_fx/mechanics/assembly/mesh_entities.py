@@ -176,19 +176,6 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     return not parallel.any_rank(mesh.comm, bool(apart.any()))
 
 
-def nodal_rule(degree: int, geometry: int = 1, dimension: int = 2) -> dict[str, Any]:
-    """Quadrature metadata of the unit contact form, which gives the weights of the nodes of a Lagrange element.
-
-    In 2D the points are the nodes (trapezoidal and Simpson's rule), and all weights are positive.  On a surface the
-    integrals of the basis functions are exact: the vertex rule has them on triangles, not on all quadrilaterals.
-    """
-    if dimension == 3:
-        return {"quadrature_degree": lumped_degree(degree, geometry)}
-    if degree == 1:
-        return {"quadrature_rule": "vertex", "quadrature_degree": 1}
-    return {"quadrature_rule": "GLL", "quadrature_degree": 2 * degree - 1}
-
-
 def lumped_degree(degree: int, geometry: int) -> int:
     """Quadrature degree that integrates a basis function of ``degree`` times the normal of a surface exactly."""
     return 2 * (degree + geometry)

@@ -33,7 +33,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     facet_nodes,
     lumped_degree,
     measure,
-    nodal_rule,
     node_positions,
 )
 from signorini_fx.mechanics.kinematics import of_components
@@ -233,11 +232,12 @@ def unit_contact_form(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], f
     """(lambda, tau_N z) for lambda = 1: the nodal weights times the normals; ``factor``: of the surface measure."""
     mesh = space.mesh
     degree, geometry = space.element.basix_element.degree, compat.geometry_degree(mesh)
-    rule = nodal_rule(degree, geometry, mesh.topology.dim)
-    if factor is None:
-        factor = fem.Constant(mesh, default_scalar_type(1.0))
-    elif degree == 1:  # exactly: on the axis of a body of revolution the nodal rule has the weight zero
-        rule = {"quadrature_degree": lumped_degree(degree, geometry)}
+    rule: dict[str, Any] = {"quadrature_degree": lumped_degree(degree, geometry)}
+    if mesh.topology.dim == 2 and (degree > 1 or factor is None):
+        # The points are the nodes, with positive weights; on the axis of a body of revolution a vertex would have none,
+        # and on surfaces these rules are not exact.
+        rule = {"quadrature_rule": "GLL" if degree > 1 else "vertex", "quadrature_degree": 2 * degree - 1}
+    factor = fem.Constant(mesh, default_scalar_type(1.0)) if factor is None else factor
     ds = measure(mesh, [facets], rule)(1)
     return compile_form(factor * ufl.inner(ufl.TestFunction(space), ufl.FacetNormal(mesh)) * ds)
 

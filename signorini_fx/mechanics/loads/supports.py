@@ -116,24 +116,16 @@ def conditions_on(
                 function.interpolate(lambda x, value=value: sample(value, x))
                 support = fem.dirichletbc(function, pair, subspace)
             supports.append((effect, support))
-    return [*supports, *_conditions_on_axis(statement, space, tagged)], skew
+    on_rank = np.flatnonzero(on_axis(node_positions(space), tagged))
+    for component in statement.kinematics_in(tagged.dimension).zero_on_axis:
+        dofs = (space.mesh.geometry.dim * on_rank + component).astype(np.int32)
+        supports.append((_ON_AXIS, fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component))))
+    return supports, skew
 
 
 def _times(sign: float, value: Any) -> Any:
     """A component of a displacement along a normal."""
     return sign * value if isinstance(value, float) else lambda x: sign * sample(value, x)
-
-
-def _conditions_on_axis(statement: Statement, space: fem.FunctionSpace, tagged: TaggedMesh) -> Conditions:
-    """Those of the components that vanish on an axis of revolution."""
-    components = statement.kinematics_in(tagged.dimension).zero_on_axis
-    nodes = np.flatnonzero(on_axis(node_positions(space), tagged)) if components else np.zeros(0, np.int64)
-    supports = []
-    for component in components:
-        dofs = (space.mesh.geometry.dim * nodes + component).astype(np.int32)
-        support = fem.dirichletbc(default_scalar_type(0.0), dofs, space.sub(component))
-        supports.append((_ON_AXIS, support))
-    return supports
 
 
 # What holds the nodes on the axis of revolution, whatever components of their displacements are zero.
