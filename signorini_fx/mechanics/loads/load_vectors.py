@@ -300,13 +300,12 @@ def compile_loads(loads: Sequence[Load], on: FormCoefficients, z: Any) -> tuple[
         return tuple(map(compile_form, terms))
     formed = (load for load in loads if isinstance(load, Force) and not load.nodal)
     forces = sorted(formed, key=lambda load: load.where is not None)
-    form = _compiled(forces, lambda load: ufl.inner(_asked(load, "density", on), z), on)
-    return () if form is None else (form,)
+    return (_compiled(forces, lambda load: ufl.inner(_asked(load, "density", on), z), on),) if forces else ()
 
 
 def compile_resistance(acting: Sequence[Resistance], on: FormCoefficients, y: Any, z: Any) -> fem.Form | None:
     """The terms of a(y, z) by which effects resist the displacement on the boundary, compiled together."""
-    return _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on)
+    return _compiled(acting, lambda effect: ufl.inner(_asked(effect, "reaction", on, y), z), on) if acting else None
 
 
 def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> Any:
@@ -327,10 +326,8 @@ def _asked(effect: Any, method: str, on: FormCoefficients, *arguments: Any) -> A
     raise SceneError([(on.path(effect), reason)])
 
 
-def _compiled(effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients) -> fem.Form | None:
-    """The integrals of effects over what each of them acts on; None without effects."""
-    if not effects:
-        return None
+def _compiled(effects: Sequence[Any], integrand: Callable[[Any], Any], on: FormCoefficients) -> fem.Form:
+    """The integrals of effects over what each of them acts on."""
     element, where = on.space.element.basix_element.degree, measures(effects, on.tagged)
     terms = [
         integrand(effect) * on.around * d(metadata={"quadrature_degree": effect.degree(element)})
