@@ -73,8 +73,6 @@ class _DisplacedCoefficients(FormCoefficients):
 def without_followers(statement: Statement) -> Statement:
     """The same without pressures and centrifugal forces that follow the body."""
     leaving, pressed = ([*map(id, of(statement))] for of in (carried_loads, following))
-    if not leaving and not pressed:
-        return statement
 
     def kept(entries: tuple[Any, ...]) -> tuple[Any, ...]:
         staying = (entry for entry in entries if id(entry) not in leaving)
