@@ -158,7 +158,7 @@ class MeshedProblem(ABC):
             pressure_regularisation=regularisation[1],
             iteration=max(left, default=0.0),
             table=table,
-            force=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
+            forces=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
             krylov_from=krylov,
         )
         return replace(solved, level=level, errors=errors)

@@ -176,7 +176,7 @@ def test_sides_that_change_between_levels():
     assert found.levels[-1].linear_solves <= 3
     goal = {"target": 0.2, "of": "energy"}
     found = solve(stacked((block(10), block(13)), accuracy=goal, **more), WORLD)
-    forces = [level.force[1] for level in found.levels]
+    forces = [level.forces[1] for level in found.levels]
     np.testing.assert_allclose(forces, forces[0], rtol=1e-6)
 
 
@@ -219,7 +219,7 @@ def test_a_force_where_contact_ends_at_edges(dimension, target, force):
     assert found.status is Status.CONVERGED
     levels, rows = found.levels, found.convergence_table[:-1]
     for level, row in list(zip(levels, rows, strict=True))[2:]:
-        true = abs(level.force[dimension - 1] / force - 1)
+        true = abs(level.forces[dimension - 1] / force - 1)
         assert true < 2 * row.force < 10 * true
     assert true < target
 
@@ -231,7 +231,7 @@ def test_energy_of_two_bodies_by_local_refinement(target):
     found = solve(pressed_blocks(2, {"target": target}), MPI.COMM_SELF)
     assert found.status is Status.CONVERGED
     assert found.levels[-1].dofs < 4_000
-    true = np.sqrt(abs(found.levels[-1].force[1] / 1.7686 - 1))
+    true = np.sqrt(abs(found.levels[-1].forces[1] / 1.7686 - 1))
     assert true < target
     assert 0.5 < found.convergence_table[-2].energy / true < 2
 
@@ -282,7 +282,7 @@ def test_a_shrink_fit(of, target):
     for level, row in list(zip(found.levels, found.convergence_table, strict=False))[2 if of == "force" else 0 :]:
         c = level.table.columns
         if of == "force":
-            true = np.linalg.norm(np.abs(level.force[:2]) / (2 * LAME) - 1) / np.sqrt(2)
+            true = np.linalg.norm(np.abs(level.forces[:2]) / (2 * LAME) - 1) / np.sqrt(2)
         else:
             true = np.sqrt(c["weight"] @ (c["pressure"] / LAME - 1) ** 2 / c["weight"].sum())
         assert true < 2 * getattr(row, of)

@@ -7,8 +7,6 @@ previous meshes, extrapolated.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -43,15 +41,8 @@ def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
     """A mesh with the errors that its straight facets add."""
     pressure = None if level.pressure is None else level.pressure + polygon_error_of("pressure", polygon)
     energy, loads = (polygon_error_of(name, polygon) for name in ("energy", "force"))
-    return replace(level, energy=level.energy + energy, pressure=pressure, loads=level.loads + loads, polygon=polygon)
-
-
-def expected_rates(degree: int) -> dict[str, float]:
-    """How errors are expected to decrease with h, taken as the square root of 1 / unknowns; ``degree``: of the
-    displacement on adaptive meshes, which restore the rates of smooth solutions; 1 on uniform ones, where the ends of
-    the contact zones limit the rates.
-    """
-    return {name: max(rate, degree) for name, rate in EXPECTED_RATES.items()}
+    changed = {"pressure": pressure, "loads": level.loads + loads, "polygon": polygon}
+    return level.model_copy(update=changed | {"energy": level.energy + energy})
 
 
 def convergence_table(
@@ -75,9 +66,7 @@ def convergence_table(
                 elsewhere = 0.0 if uniform else min(error, POLLUTION_OF_PEAK * level.energy**2)
                 errors["peak"] = error + elsewhere + level.loads + polygon_error_of("peak", level.polygon)
         errors["zone"] = border_of(level.table) if level.dimension == 3 else ends_of_zones(level.table)
-        row: dict[str, Any] = {**errors, "predicted": False}
-        row |= {name: getattr(level, name) for name in Price.model_fields if name not in row}
-        rows.append(Price(**row))
+        rows.append(Price(**(level.model_dump(include=set(Price.model_fields)) | errors)))
     last = levels[-1]
     following = predict(rows, base_memory, rates=rates, dimension=last.dimension, krylov_from=last.krylov_from)
     return [*rows, following]
@@ -88,7 +77,7 @@ def fineness_of(dofs: float, dimension: int) -> float:
     return float(np.sqrt(dofs) if dimension == 2 else np.cbrt(dofs))
 
 
-def seen_rate(rows: Sequence[LevelResult | Price], dimension: int) -> float:
+def seen_rate(rows: Sequence[Price], dimension: int) -> float:
     """The rate at which the error in the energy norm decreases with h; with a single mesh, that of first order."""
     last, energies = rows[-1], [row.energy for row in rows[-2:]]
     if len(energies) < 2 or not energies[0] or not energies[1] or energies[1] >= energies[0]:
@@ -108,14 +97,14 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
     resultant may vanish, as that of a body between two walls does.
     """
     fine = levels[-1]
-    size = float(np.linalg.norm(fine.force))
+    size = float(np.linalg.norm(fine.forces))
     if size == 0.0:
         return None
     seen = 0.0
     for coarse in levels[-1 - CHANGES_USED : -1]:
         # A coarse mesh without any error, such as one on which nothing touches, says nothing: all of it may be left.
         left = min((fine.energy / coarse.energy) ** 2 if coarse.energy > 0 else 1.0, SLOWEST_DECREASE)
-        seen = max(seen, float(np.linalg.norm(fine.force - coarse.force)) / size * left / (1 - left))
+        seen = max(seen, float(np.linalg.norm(fine.forces - coarse.forces)) / size * left / (1 - left))
     if not uniform and seen > ZERO_IN_SOLUTION:
         seen = max(seen, FORCE_OF_ENERGY * fine.energy**2)
     return seen + fine.loads

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
+from pydantic import ConfigDict, InstanceOf
 
 from signorini_fx.algebra.algorithms.path_following import path_model
 from signorini_fx.algebra.algorithms.task import Outcome, Task
@@ -13,51 +12,35 @@ from signorini_fx.algebra.linalg import petsc_calls, petsc_options
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
+from signorini_fx.quantities.summary import Number, Price
 
 
-@dataclass(frozen=True)
-class LevelResult:
-    """A mesh, the cost of a solve on it, its results and errors.
+class LevelResult(Price):
+    """A mesh that was solved: the cost and the errors that it shows by itself, loads included, which are those of a
+    ``Price``, and what is compared with other meshes.
 
     Attributes:
-        level: its number, the coarsest is 0.
-        h: mean spacing of the contact nodes, length; in 3D the square root of the mean area that they stand for.
-        dofs: unknowns.
-        linear_solves: linear solves on this mesh.
-        factorisations: of them with a new factorisation.
-        seconds: wall time of everything on this mesh, largest over the ranks.
-        memory: peak memory so far of all ranks together, MB.
-        energy: estimated discretisation error, relative in the energy norm, loads included.
-        pressure: the same of the contact pressure, relative in L2(Gamma_c); None without contact, and where it is not
-            known, as nothing of contact is then.
         loads: the error of the loads on the mesh.
         polygon: effect of straight facets of a curved contact boundary, which no refinement reduces;
             ``pressure_error.polygon_error``.
-        regularisation: regularisation error, relative in the energy norm; 0 without regularisation.
-        pressure_regularisation: the same of the contact pressure, relative in L2(Gamma_c).
-        iteration: relative residual, or last change of the outer iteration, whichever is larger.
+        pressure_regularisation: as ``regularisation``, of the contact pressure, relative in L2(Gamma_c).
         table: the contact boundary.
-        force: contact and friction force of each contact boundary in all load steps, shape (2 d boundaries steps,).
+        forces: contact and friction force of each contact boundary in all load steps, shape (2 d boundaries steps,).
         krylov_from: unknowns from which on a mesh is solved by a Krylov method; infinite: none is.
     """
 
-    level: int
-    h: float
-    dofs: int
-    linear_solves: int
-    factorisations: int
-    seconds: float
-    memory: float
-    energy: float
-    pressure: float | None
+    model_config = ConfigDict(arbitrary_types_allowed=True)
+
+    force: Number = None
+    zone: Number = None
+    peak: Number = None
+    predicted: bool = False
     loads: float
-    regularisation: float
-    pressure_regularisation: float
-    iteration: float
-    table: ContactTable
-    force: npt.NDArray[np.float64]
     polygon: float = 0.0
-    krylov_from: float = np.inf
+    pressure_regularisation: float
+    table: InstanceOf[ContactTable]
+    forces: npt.NDArray[np.float64]
+    krylov_from: float
 
     @property
     def dimension(self) -> int:

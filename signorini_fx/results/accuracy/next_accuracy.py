@@ -92,7 +92,7 @@ def next_refinement(
         return NextRefinement(unknowns, (middle / LOCAL_SPREAD, middle * LOCAL_SPREAD), 2, local=local)
     times, first = NEXT_ERROR[dimension], dofs
     if able and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
-        times, degree, first = 2 * times, 2, 4 * dofs  # as in ``local_meshes``
+        times, degree, first = 2 * times, 2, 4 * dofs  # as in ``_divided``
     unknowns = first * times ** (-dimension / UNIFORM_RATE)
     middle = times_of([unknowns], dofs, dimension)
     return NextRefinement(unknowns, (middle / UNIFORM_SPREAD, middle * UNIFORM_SPREAD), degree, local=False)
@@ -140,28 +140,19 @@ def next_cost(
     )
 
 
-def local_meshes(dofs: float, degree: int, *, generated: bool, divided: bool = False) -> list[float]:
-    """Unknowns of the meshes on the way to the next error with triangles of degree 2, the finest first; ``generated``:
-    whether the first mesh is a coarse one, rather than this mesh with elements of degree 2; ``divided``: whether the
-    cells of this mesh were divided where the error is.
-    """
-    times = NEXT_ERROR[2]
-    last = (dofs if divided else LAST_UNKNOWNS * dofs**0.5) / times
-    if generated:
-        first, fall = FIRST_UNKNOWNS, last / FIRST_UNKNOWNS
-    else:  # with degree 2 a mesh has four times the unknowns, and half of the error
-        first, fall = (dofs, 1 / times) if degree == 2 else (4 * dofs, 1 / times / 2)
-    count = max(ceil(log(fall) / log(LOCAL_GROWTH)), 0) + 1
-    return [max(first, last / LOCAL_GROWTH**number) for number in range(count)]
-
-
 def _divided(statement: Statement, dimension: int, dofs: float) -> tuple[float, float]:
     """Unknowns of the last mesh, and how many times as long as the mesh that was solved all of them take."""
     if dimension == 3:
         alike = SPACE_FIXED + SPACE_GROWTH * dofs
         return SPACE_GROWTH * dofs, alike / (FIXED_UNKNOWNS[dimension] + dofs)
-    generated, divided = statement.generated and not statement.bodies, statement.accuracy is not None
-    meshes = local_meshes(dofs, statement.element.degree, generated=generated, divided=divided)
+    times = NEXT_ERROR[2]
+    last = (LAST_UNKNOWNS * dofs**0.5 if statement.accuracy is None else dofs) / times
+    if statement.generated and not statement.bodies:  # the first mesh is a coarse one
+        first, fall = FIRST_UNKNOWNS, last / FIRST_UNKNOWNS
+    else:  # with degree 2 a mesh has four times the unknowns, and half of the error
+        first, fall = (dofs, 1 / times) if statement.element.degree == 2 else (4 * dofs, 1 / times / 2)
+    count = max(ceil(log(fall) / log(LOCAL_GROWTH)), 0) + 1
+    meshes = [max(first, last / LOCAL_GROWTH**number) for number in range(count)]
     return meshes[0], times_of(meshes, dofs, dimension)
 
 
