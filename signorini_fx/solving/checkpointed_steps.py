@@ -85,23 +85,6 @@ class MeshCheckpoint:
             self.forget(step)
         return figures
 
-    def read(
-        self, step: int, space: fem.FunctionSpace, boundary: ContactBoundary, size: float
-    ) -> tuple[fem.Function, dict[str, Nodal]] | None:
-        """The displacement of a load step, and the values at the contact nodes of this rank, as they were written; None
-        if they cannot be read, or belong to other nodes.  The mesh may be distributed in another way.
-        """
-        beside, contact_values = self.beside(step, space, ["displacement"]), None
-        try:
-            if beside is not None:
-                with (self._folder(self.level, step) / _NODES).open("rb") as stream, np.load(stream) as stored:
-                    contact_values = _placed(dict(stored), boundary, beside[0], size)
-        except (OSError, ValueError, EOFError, KeyError, BadZipFile):  # the step is solved again
-            pass
-        if parallel.any_rank(self._comm, contact_values is None) or beside is None or contact_values is None:
-            return None
-        return beside[0], contact_values
-
     def beside(self, step: int, space: fem.FunctionSpace, names: Sequence[str]) -> list[fem.Function] | None:
         """Displacements of a load step by their names; None: they cannot be read."""
         functions, failed = [fem.Function(space, name=name) for name in names], False
@@ -198,14 +181,22 @@ class MeshCheckpoint:
             raise cannot_be_written(self.path, reason) from None
 
     def recall(self, body: ElasticBody, size: float, task: Task, start: Start) -> Outcome | None:
-        """How a load step with ``figures`` ended, with its iterate in place; None if it does not fit."""
-        figures = self._complete[self.level, start.step]
+        """How a load step with ``figures`` ended, with its iterate in place; None if it cannot be read, or belongs to
+        other nodes.  The mesh may be distributed in another way.
+        """
+        figures, nodal = self._complete[self.level, start.step], None
         boundary = body.boundary or no_points(body.space)
-        stored = self.read(start.step, body.space, boundary, size)
-        if stored is None:
+        fields = self.beside(start.step, body.space, ["displacement"])
+        try:
+            if fields is not None:
+                with (self._folder(self.level, start.step) / _NODES).open("rb") as stream, np.load(stream) as stored:
+                    nodal = _placed(dict(stored), boundary, fields[0], size)
+        except (OSError, ValueError, EOFError, KeyError, BadZipFile):  # the step is solved again
+            pass
+        if parallel.any_rank(self._comm, nodal is None) or fields is None or nodal is None:
             self.forget(start.step)
             return None
-        displacement, nodal = stored
+        (displacement,) = fields
         task.begin_step(start)
         if task.rest is not None:
             displacement.x.array[:] -= body.motions.displacement(task.rest.motion).ravel()
