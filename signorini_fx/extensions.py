@@ -1,7 +1,6 @@
 """What other packages add to this one: objects that they name as entry points, or that a program registers.
 
-A group of entry points holds objects of one kind, and its page of the documentation says what they must have.  The
-add-ons of this package, which the rest of it works without, are such a group, too.
+The add-ons of this package, which the rest of it works without, are such a group of entry points, too.
 """
 
 from __future__ import annotations
@@ -64,11 +63,7 @@ def names_of(group: str) -> tuple[str, ...]:
 
 
 def load(group: str, name: str) -> Any:
-    """The object of a name in ``names_of``.
-
-    Raises:
-        InstallationError: it cannot be imported.
-    """
+    """The object of a name in ``names_of``; InstallationError: it cannot be imported."""
     if name in _registered.get(group, {}):
         return _registered[group][name]
     entry = _installed(group, tuple(sys.path))[name]
@@ -80,11 +75,7 @@ def load(group: str, name: str) -> Any:
 
 
 def load_class(group: str, name: str, base: type) -> type:
-    """The class of a name in ``names_of``, which must have a base class of this package.
-
-    Raises:
-        InstallationError: it cannot be imported, or is none.
-    """
+    """The class of a name in ``names_of``, which must have a base class of this package; else InstallationError."""
     extension = load(group, name)
     if not (isinstance(extension, type) and issubclass(extension, base)):
         article = "an" if base.__name__[0] in "AEIOU" else "a"
@@ -98,10 +89,8 @@ def is_of_package(kind: type) -> bool:
 
 
 def add_on(name: str) -> Any:
-    """What an add-on of this package does; its name is in pyproject.toml.
-
-    Raises:
-        InstallationError: it is not installed, or a package that it needs is not.
+    """What an add-on of this package does, by its name in pyproject.toml; InstallationError: it, or a package that it
+    needs, is not installed.
     """
     entry = _installed(ADD_ONS, tuple(sys.path)).get(name)
     if entry is None:

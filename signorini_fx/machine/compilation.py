@@ -104,9 +104,6 @@ def prepare(folder: Path, module: str, patience: float, held: ExitStack) -> None
 def library(folder: Path, name: str, declarations: str, source: str, arguments: Sequence[str]) -> Any:
     """A module of C functions, with ``lib`` and ``ffi`` of cffi, compiled beside the forms unless it is there;
     ``name``: another one for another source.
-
-    Raises:
-        MachineError: there is no compiler, or the folder cannot be written.
     """
     from cffi import FFI
 

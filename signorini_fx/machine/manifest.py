@@ -17,11 +17,7 @@ _NEW = f"{MANIFEST}.new"
 
 
 def add(folder: Path, names: Iterable[str], *, alone: bool = False) -> None:
-    """List files; ``alone``: whether nothing else is listed any more.
-
-    Raises:
-        OSError: the manifest cannot be written.
-    """
+    """List files; ``alone``: whether nothing else is listed any more."""
     listed = {*names, *(() if alone else _lines(folder))}
     new = folder / _NEW
     new.unlink(missing_ok=True)
@@ -30,11 +26,7 @@ def add(folder: Path, names: Iterable[str], *, alone: bool = False) -> None:
 
 
 def begin_part(folder: Path) -> None:
-    """Make the hidden folder of what is not complete anew.
-
-    Raises:
-        OSError: it cannot be made.
-    """
+    """Make the hidden folder of what is not complete anew."""
     remove_part(folder)
     (folder / PART).mkdir()
 
@@ -67,9 +59,6 @@ def foreign(folder: Path, names: Iterable[str]) -> list[str]:
 def remove(folder: Path, inner: str = "") -> None:
     """Remove everything that is listed, and the folders in it that are empty then; the manifest stays; ``inner``: how
     the paths of what is removed begin.
-
-    Raises:
-        OSError: something cannot be removed.
     """
     for name in ours(folder) - {MANIFEST}:
         file = folder / name

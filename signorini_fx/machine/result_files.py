@@ -52,13 +52,8 @@ def _cells(column: Sequence[Any]) -> list[Any]:
 
 
 def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
-    """The columns of a CSV file with a header line, in order.
-
-    Returns:
-        Name -> one entry per row: floats where every entry is a number (an empty one is nan), strings elsewhere.
-
-    Raises:
-        ValueError: a row has more or fewer entries than the header, or it is not a CSV file.
+    """The columns of a CSV file by their names: floats where every entry is a number (an empty one is nan), strings
+    elsewhere; ValueError: a row has more or fewer entries than the header, or it is not a CSV file.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)

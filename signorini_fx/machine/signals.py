@@ -44,11 +44,7 @@ def deferred() -> Iterator[None]:
 
 
 def serve() -> None:
-    """Call the handlers of the signals that wait.
-
-    Raises:
-        BaseException: what a handler raises, such as ``KeyboardInterrupt``.
-    """
+    """Call the handlers of the signals that wait, of which each may raise something, such as ``KeyboardInterrupt``."""
     while arrived:
         number, frame = arrived.pop(0)
         _handlers[number](number, frame)

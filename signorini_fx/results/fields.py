@@ -30,17 +30,10 @@ FIELD_FILES = (VTU, VTU_STEPS, VTU_FOLDER)
 
 
 def write_fields(solution: Solution, folder: Path) -> list[str]:
-    """Displacement, stresses and shear energy density in one file, with points of its own in each cell, as raw stresses
-    jump; collective.
-
-    With load steps there is one file for each with a solution, and their list with their times.  The stress is a tensor
-    with nine components, which ParaView takes for one, in 2D too.
-
-    Returns:
-        Names of the files.
-
-    Raises:
-        OSError: the system refuses one, on all ranks alike.
+    """The names of the files that are written: displacement, stresses and shear energy density in one file, with points
+    of its own in each cell, as raw stresses jump; with load steps one for each with a solution, and their list with
+    their times.  The stress has nine components, which ParaView takes for a tensor, in 2D too.  An OSError is raised on
+    all ranks alike; collective.
     """
     if not solution.statement.several_steps:
         write_vtu(folder / VTU, solution.comm, *_grid(solution.at(solution.last_step)))
@@ -132,9 +125,6 @@ def write_vtu(path: Path, comm: MPI.Comm, points: Array, cells: Array, kind: int
     """Write the cells of all ranks as one grid; ``points``: of this rank, shape (n, 3); ``cells``: their local numbers
     in VTK's order, shape (cells, corners); ``kind``: VTK's number; ``fields``: values at the points, shape (n,) or (n,
     components); collective.
-
-    Raises:
-        OSError: the system refuses it, on all ranks alike.
     """
     corners, first_cell = cells.shape[1], parallel.rows_before(comm, len(cells))
     ends = corners * np.arange(first_cell + 1, first_cell + len(cells) + 1)

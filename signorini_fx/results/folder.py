@@ -35,7 +35,7 @@ class ResultFolder:
 
     Raises:
         OutputError: the folder cannot be written, another run is writing it, or there are files at these names that
-            no earlier run has written.
+            no earlier run has written; later also by ``commit`` and ``add``.
     """
 
     def __init__(self, comm: MPI.Comm, path: str | Path, names: Iterable[str]) -> None:
@@ -61,11 +61,7 @@ class ResultFolder:
             self._remove()
 
     def commit(self) -> None:
-        """Put what was written in the place of the results of earlier runs, the summary last.
-
-        Raises:
-            OutputError: a file is in the way that no run has written, or something cannot be written.
-        """
+        """Put what was written in the place of the results of earlier runs, the summary last."""
 
         def replace(new: list[str]) -> None:
             # Listed before they are there: if this is interrupted, the next run knows them.
@@ -79,11 +75,7 @@ class ResultFolder:
             self.committed = True
 
     def add(self) -> None:
-        """Put what was written since then beside it, the summary last.
-
-        Raises:
-            OutputError: as for ``commit``.
-        """
+        """Put what was written since then beside it, the summary last."""
         with signals.deferred():
             parallel.on_root(self._comm, lambda: self._move(lambda new: manifest.add(self.path, new)))
 

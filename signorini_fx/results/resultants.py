@@ -81,16 +81,13 @@ class Resultant:
 
 @dataclass(frozen=True)
 class ActingForces:
-    """What acts on a body at one displacement beside contact, evaluated anew; ``supports``: the name of what each
-    number in ``balance.supports.by`` stands for, None: nothing; ``names``: of the parts of the boundary with any of
-    them; ``displaced``: whether they act at the displaced points.
-    """
+    """What acts on a body at one displacement beside contact, evaluated anew."""
 
     balance: Balance
-    supports: Sequence[str | None]
+    supports: Sequence[str | None]  # names of what the numbers in ``balance.supports.by`` stand for, None: nothing
     loads: Sequence[NamedForces]
-    names: Sequence[str | None]
-    displaced: bool = False
+    names: Sequence[str | None]  # of the parts of the boundary with any of them
+    displaced: bool = False  # whether they act at the displaced points
 
 
 @dataclass(frozen=True, repr=False)

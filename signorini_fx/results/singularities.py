@@ -32,17 +32,15 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BoundaryFacet:
-    """An exterior facet; ``kind``: what is prescribed there, ``names``: by which boundaries; ``paired``: how it may
-    touch another body, "contact", "bonded" or ""; ``material``: what counts of it.
-    """
+    """An exterior facet."""
 
     vertices: Array
     normal: Array
-    kind: str
-    names: tuple[str, ...]
-    paired: str
+    kind: str  # what is prescribed there
+    names: tuple[str, ...]  # by which boundaries
+    paired: str  # how it may touch another body, "contact", "bonded" or ""
     piece: int
-    material: tuple[Any, ...]
+    material: tuple[Any, ...]  # what counts of it
 
     @property
     def size(self) -> float:

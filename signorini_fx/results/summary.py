@@ -1,8 +1,4 @@
-"""The summary of a solve: one JSON-safe dictionary, and its rendering for a terminal.
-
-Of what is said about a result that stands a failure is told, and the result is kept.  On several ranks an error of one
-of them leaves the others waiting for it in MPI: so a result is in its place before any of this begins.
-"""
+"""The summary of a solve: one JSON-safe dictionary, and its rendering for a terminal."""
 
 from __future__ import annotations
 
@@ -249,10 +245,7 @@ T = TypeVar("T")
 
 def post_processing(comm: MPI.Comm, subject: str, findings: list[dict[str, Any]], state: Callable[[], T]) -> T | None:
     """What ``state`` returns; None if it fails on any rank, with a warning among the findings; ``subject``: a key of
-    the summary; ``findings``: its rows; collective.
-
-    Raises:
-        Exception: that of this rank, if the others do not come to an end, since they wait for it.
+    the summary; ``findings``: its rows.  An error is raised if the other ranks wait for this one; collective.
     """
     apart = comm.Dup()  # the others may be in a collective call of ``comm``
     result: T | None = None

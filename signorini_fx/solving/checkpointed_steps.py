@@ -117,9 +117,6 @@ class MeshCheckpoint:
     ) -> None:
         """Store a load step that has a solution; ``marks``: see ``load_steps``; ``more``: plain data, and its path;
         ``beside``: further displacements by their names.
-
-        Raises:
-            OutputError: it cannot be written.
         """
         problem, history = outcome.problem, task.history
         boundary = body.boundary or no_points(body.space)

@@ -446,13 +446,8 @@ def _named(body: ElasticBody, loose: Sequence[int], names: tuple[str, ...] = ())
 
 
 def refuse_beforehand(model: Model, *, linear: bool = True) -> None:
-    """Refuse what no solve begins with; ``linear``: whether this body is what is solved, and not that of nonlinear
-    materials at small strains; collective.
-
-    Raises:
-        SceneError: the first sets of contact hold no node; nothing determines the pressure of an incompressible body;
-            a foundation moves although contact alone holds the linear body.
-        InstallationError: the scene asks for a proof by an add-on that is not installed.
+    """Refuse what no solve begins with, such as a proof by an add-on that is not installed; ``linear``: whether this
+    body is what is solved, and not that of nonlinear materials at small strains; collective.
     """
     if model.mixed is not None and model.mixed.encloses(model.vector, model.prescribed):
         reason = "nothing determines the pressure: supports hold the whole boundary of the incompressible body"

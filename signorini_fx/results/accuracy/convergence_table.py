@@ -90,11 +90,10 @@ def force_error(levels: Sequence[LevelResult], *, uniform: bool = True) -> float
     """Error of contact and friction force on the last mesh, relative; None where there is no force; ``levels``: at
     least two, coarsest first; ``uniform``: whether each mesh is finer than the one before everywhere.
 
-    A force is an average: by J. A. Nitsche's argument its error decreases like the square of that of the displacement,
-    by which its changes are extrapolated.  On meshes that are divided here and there a change is no error where cells
-    stay as they are: the error is at least a share of that square, unless statics determines the force, which then does
-    not change at all.  Of several contact boundaries it is that of all their forces together, relative to these: their
-    resultant may vanish, as that of a body between two walls does.
+    By J. A. Nitsche's argument it decreases like the square of that of the displacement, by which changes are
+    extrapolated.  On meshes that are divided here and there it is at least a share of that square, unless statics
+    determines the force, which then does not change at all.  Of several contact boundaries it is that of all forces
+    together, as their resultant may vanish.
     """
     fine = levels[-1]
     size = float(np.linalg.norm(fine.forces))
