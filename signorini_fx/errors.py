@@ -42,11 +42,7 @@ class FormError(SceneError, ValueError):
 
 
 def together(*checks: Callable[[], Any]) -> list[Any]:
-    """What independent checks return; the problems of all of them are raised at once.
-
-    Raises:
-        SceneError: at least one check has raised one.
-    """
+    """What independent checks return; the problems of all of them are raised as one SceneError."""
     results, problems = [], []
     for check in checks:
         try:

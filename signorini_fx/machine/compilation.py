@@ -1,10 +1,8 @@
 """Compilation of forms by dolfinx: processes that compile the same form wait for each other, and one that was killed
 leaves nothing behind; a clear error on all ranks if the machine lacks something for it.
 
-FFCx marks a form that is being compiled by its C file, and a compiled one by a file beside it.  A process that is
-killed in between leaves a mark that FFCx cannot tell from work in progress: it waits for ten seconds and gives up, now
-and in every later run.  Therefore each process of ours locks a form while it compiles it, by a lock that ends with the
-process.  What lies there under no lock is unfinished, and is compiled again.
+A process that is killed leaves a C file that FFCx takes for work in progress in every later run.  Therefore a form is
+locked while it is compiled, by a lock that ends with the process: what lies there under no lock is compiled again.
 """
 
 from __future__ import annotations
@@ -31,11 +29,7 @@ _LOADED: dict[tuple[str, str], Any] = {}
 
 @contextmanager
 def compiling(failed: str = "a form cannot be compiled") -> Iterator[None]:
-    """Lock the form that is compiled inside the ``with`` block, and report what the machine lacks if it cannot be.
-
-    Raises:
-        MachineError: there is no compiler, or the folder of compiled forms cannot be written.
-    """
+    """Lock the form that is compiled inside the ``with`` block; MachineError: what the machine lacks for it."""
     from cffi import VerificationError
 
     try:

@@ -108,11 +108,7 @@ def largest_of_each(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> npt.NDAr
 
 
 def on_root(comm: MPI.Comm, function: Callable[[], T]) -> T:
-    """Run ``function`` on the first rank and give its result, or its error, to all ranks.
-
-    Raises:
-        Exception: what ``function`` raised, the same on every rank, so that none waits for the others.
-    """
+    """Run ``function`` on the first rank and give its result, or its error, to all ranks, so that none waits."""
     if comm.size == 1:
         return function()
     outcome: tuple[T | None, Exception | None] = (None, None)

@@ -76,11 +76,7 @@ def _column(name: str, entries: list[str]) -> npt.NDArray[Any]:
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
-    """summary.json of a result folder.
-
-    Raises:
-        ResultError: the folder does not exist, is not a result folder, or is incomplete.
-    """
+    """summary.json of a result folder; ResultError: it does not exist, is none, or is incomplete."""
     file = folder / "summary.json"
     if not os.path.isdir(folder):  # a name may be of any length
         reason = "is a file" if os.path.exists(folder) else "is not there"

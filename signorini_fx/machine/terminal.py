@@ -105,10 +105,8 @@ def started_as_root() -> bool:
 
 
 def limit_threads() -> None:
-    """One thread for each rank unless the environment says otherwise; for a process that has not loaded BLAS.
-
-    The fronts of factorisations are small.  Threads of OpenBLAS wait for each other in loops, so that on a busy machine
-    with two cores Example 1 takes 4 to 7 seconds with two and 1 with one.
+    """One thread for each rank unless the environment says otherwise, as fronts of factorisations are small; for a
+    process that has not loaded BLAS.
     """
     if not any(name in os.environ for name in _THREADS):
         os.environ["OMP_NUM_THREADS"] = "1"

@@ -270,10 +270,8 @@ def moments(arms: Array, forces: Array) -> Array:
 
 
 def arm(moment: Array, force: Array, normal: Array | None) -> Array:
-    """From a point to where a force with this moment about it acts, shape (d,).
-
-    With a normal, the place in 2D across it about which no moment is left but that along the normal:
-    n x M / (n . F); without, or if the force lies in that plane, the nearest place: F x M / F^2.
+    """From a point to where a force with this moment about it acts, shape (d,): n x M / (n . F) across a normal, where
+    no moment is left but that along it; without, or if the force lies in that plane, the nearest place F x M / F^2.
     """
     axis = force
     if normal is not None and abs(normal @ force) > ZERO_IN_SOLUTION * np.linalg.norm(force):

@@ -219,11 +219,8 @@ _HOPELESS_AT_FIRST = (Status.NOT_HELD, Status.LINEAR_SOLVER, Status.NO_MEMORY)
 
 
 class Increments(PathIncrements):
-    """Where a linear problem is on its path.
-
-    Without a ramp every time is a load step, and one without a solution ends the way.  In a ramp its increment is
-    halved, until the load is enclosed between one with and one without a solution.  The linear solves of the last load
-    step set how many an attempt without one may take.
+    """Where a linear problem is on its path.  In a ramp the increment of a load step without a solution is halved,
+    until the load is enclosed; the linear solves of the last load step set how many an attempt without one may take.
     """
 
     # ``easy``: how many of the last load steps with a solution were easy; ``last``: linear solves of the last one.

@@ -1,8 +1,7 @@
 """What the next accuracy would cost: error and seconds of what was solved, and a forecast for an error so much smaller.
 
-The forecast is of the way that a requested accuracy takes.  Where it divides cells where the error is, errors decrease
-like one over the unknowns whatever singularities there are, so that the unknowns of its meshes are known beforehand.
-Where all cells become smaller they decrease with a rate between those at a corner of the body and elsewhere.
+Where a requested accuracy divides cells where the error is, errors decrease like one over the unknowns whatever
+singularities there are; where all cells become smaller with a rate between those at a corner of the body and elsewhere.
 """
 
 from __future__ import annotations

@@ -38,10 +38,8 @@ Ints = npt.NDArray[np.int64]
 
 
 def interval_squares(table: ContactTable, kinematics: Kinematics = PLANE_STRAIN) -> list[Floats]:
-    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring.
-
-    Returns:
-        One array for each path of the table, shape (rows - 1,).
+    """Estimated squared error of the pressure between neighbouring nodes, stress^2 times length, or area of a ring, one
+    array for each path of the table, shape (rows - 1,).
     """
     squares = []
     for path in table.paths:
@@ -225,11 +223,9 @@ class _Place:
 
 
 def peak_error(tables: Sequence[ContactTable]) -> float | None:
-    """The relative error of the largest pressure on the last mesh; ``tables``: coarsest first.
-
-    Returns:
-        None without contact, with few nodes in contact, where no mesh was coarser at the peak, and where the pressure
-        grows at some place, or may do so at a corner.
+    """The relative error of the largest pressure on the last mesh; ``tables``: coarsest first; None without contact,
+    with few nodes in contact, where no mesh was coarser at the peak, and where the pressure grows at some place, or may
+    do so at a corner.
     """
     if tables[-1].touching < FEW_NODES or (len(tables) > 1 and 2 * tables[-2].touching < FEW_NODES):
         return None
