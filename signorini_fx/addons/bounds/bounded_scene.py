@@ -20,8 +20,9 @@ from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.mechanics.statement.expressions import Expression, jumps
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, jumps, sample
 from signorini_fx.quantities.proved_statements import Refused
+from signorini_fx.tuned import SAME_LENGTH
 
 # What a guaranteed bound is for; what else a scene has is named behind it.
 BOUNDED = (
@@ -51,14 +52,34 @@ def _is_linear(value: Any) -> bool:
     return known and _degree(value.tree) <= 1
 
 
-def switches(value: Expression, x: Array) -> Array:
-    """What changes its sign at points x, shape (3, n), where a function may jump or have a kink, those inside others
-    first, shape (k, n).
-
-    Comparisons give the difference of both sides; ``abs``, ``sign``, ``sqrt`` and powers their argument, ``min`` and
-    ``max`` the differences of theirs.
+def refuse_jumps(value: Any, x: Array, label: str) -> None:
+    """Refuse a value with a jump or a kink inside a simplex, given by its corners, shape (m, k, d): what decides how it
+    goes on changes its sign there.  Comparisons give the difference of both sides; ``abs``, ``sign``, ``sqrt`` and
+    powers their argument, ``min`` and ``max`` the differences of theirs.
     """
-    return np.array([value.of_part(node, x) for node in _switches(value.tree)]).reshape(-1, x.shape[1])
+    if not isinstance(value, Expression) or not x.size:
+        return
+    places = in_space(x.reshape(-1, x.shape[2]))
+    for node in _switches(value.tree):
+        at_corners = value.of_part(node, places).reshape(x.shape[:2])
+        tiny = SAME_LENGTH * np.abs(at_corners).max()
+        if ((at_corners.min(axis=1) < -tiny) & (at_corners.max(axis=1) > tiny)).any():
+            raise refused(f"a {label} that jumps or has a kink between nodes")
+
+
+def sampled(value: Any, x: Array) -> Array:
+    """A number or an expression at points, shapes (m, q, d) to (m, q)."""
+    return sample(value, in_space(x.reshape(-1, x.shape[2]))).reshape(x.shape[:2])
+
+
+def inside(x: Array) -> Array:
+    """Points inside simplices, half-way from their centroids to their corners, shape (m, k, d)."""
+    return np.asarray((x + x.mean(axis=1, keepdims=True)) / 2)
+
+
+def from_inside(values: Array) -> Array:
+    """Values of linear functions at corners from those at points ``inside``, shape (m, k, ...)."""
+    return np.asarray(2 * values - values.mean(axis=1, keepdims=True))
 
 
 def _switches(node: ast.expr) -> list[ast.expr]:

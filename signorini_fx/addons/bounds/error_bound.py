@@ -82,16 +82,13 @@ def proved(
     """What ``prove`` says of a solution, which can be sent, on all ranks, or why there are no bounds; ``named``: a
     boundary whose facets it looks at; collective.
     """
-    # The mesh may stand for a body with arcs.
-    assumed = "of the body with the straight cells of the mesh" if model.statement.arcs else ""
-    degree = model.space.element.basix_element.degree
     try:
         if names := list(unbounded(model)):
             raise refused(*names)
         outside = contact is not None and bool(pushed(contact.held_inside, model.tagged.size).any())
         if parallel.any_rank(model.comm, outside):
             raise Refused("supports push the body into its foundation")
-        return on_first_rank(model, y, contact, step, lambda rows: prove(Bounded(rows, degree, assumed)), named)
+        return on_first_rank(model, y, contact, lambda rows: prove(Bounded(rows, model, step)), named)
     except Refused as refusal:
         return str(refusal)
 
@@ -103,9 +100,10 @@ class Bounded(PlainProblem):
         assumed: what the bound rests on beside the data, in words.
     """
 
-    def __init__(self, rows: Rows, degree: int, assumed: str = "") -> None:
-        super().__init__(rows, degree)
-        self.assumed = assumed
+    def __init__(self, rows: Rows, model: Model, step: float) -> None:
+        super().__init__(rows, model, step)
+        # The mesh may stand for a body with arcs.
+        self.assumed = "of the body with the straight cells of the mesh" if model.statement.arcs else ""
         self._balance()
 
     @cached_property

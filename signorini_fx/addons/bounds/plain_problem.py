@@ -8,13 +8,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.bounds.balanced_tractions import onto_disc
-from signorini_fx.addons.bounds.bounded_scene import refused
+from signorini_fx.addons.bounds.bounded_scene import from_inside, inside, refuse_jumps, refused, sampled
 from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE, ContactParts, coefficients
 from signorini_fx.addons.bounds.scene_arrays import Rows
 from signorini_fx.addons.bounds.simplices import (
     EDGES,
     EDGES_OF_FACET,
-    OF_QUARTERS,
     TWICE,
     Array,
     Ints,
@@ -23,17 +22,17 @@ from signorini_fx.addons.bounds.simplices import (
     divide,
     with_hats,
 )
+from signorini_fx.mechanics.effects.contact import Contact
+from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.effect import Force, SampledPoints
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
 # Values at both ends of the linear function whose moments with linear ones are those that Simpson's rule has from nodal
 # values, those at the ends first.
 _LINEAR: Array = np.array([[4, -2, 4], [-2, 4, 4]]) / 6
-# Of functions of degree 1 and 2 on an edge, by the number of their values at ends and middle, the values on its halves,
-# which end with its middle, as that has the higher number.
-_ON_HALVES: dict[int, Array] = {
-    2: np.array([[[2, 0], [1, 1]], [[0, 2], [1, 1]]]) / 2,
-    3: np.array([[[8, 0, 0], [0, 0, 8], [3, -1, 6]], [[0, 8, 0], [0, 0, 8], [-1, 3, 6]]]) / 8,
-}
+# Of linear functions on an edge the values on its halves, which end with its middle, as that has the higher number.
+_ON_HALVES: Array = np.array([[[2, 0], [1, 1]], [[0, 2], [1, 1]]]) / 2
 
 
 @dataclass
@@ -89,35 +88,28 @@ class PlainProblem:
         cells: how many the mesh has.
     """
 
-    def __init__(self, rows: Rows, degree: int) -> None:
-        self._rows, self.cells = rows, len(rows["corners"])
+    def __init__(self, rows: Rows, model: Model, step: float) -> None:
+        self._rows, self.cells, self._model, self._step = rows, len(rows["corners"]), model, step
         d = int(rows["x"].shape[2])
         numbers, corners = np.unique(rows["corners"], return_inverse=True)
         corners = corners.reshape(-1, d + 1)
-        self._numbers, x, body = numbers, np.zeros((len(numbers), d)), rows["body"]
+        self._numbers, x = numbers, np.zeros((len(numbers), d))
         x[corners], ends = rows["x"], np.sort(corners[:, EDGES[d]], axis=2)
         turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
         order = np.where(turned[:, None], [*range(d - 1), d, d - 1], np.arange(d + 1))
-        body = np.take_along_axis(body, order[:, :, None], axis=1)
         t = Simplices(x, np.take_along_axis(corners, order, axis=1), _moduli(rows, d))
         y = np.zeros((len(x) + len(t.edges), d))
         y[np.column_stack((corners, len(x) + np.searchsorted(t.keys(t.edges), t.keys(ends))))] = rows["displacement"]
-        self._given, self._halves = t, np.arange(len(t.facets))[:, None]
-        if d == 2 and degree == 2:
+        self._given, self.t, self.y, self._halves = t, t, y, np.arange(len(t.facets))[:, None]
+        if d == 2 and model.space.element.basix_element.degree == 2:
             # The stress is linear: on four triangles it is as accurate as that of degree 2.
             self.t, self.y, self._halves = divide(t, y)
-            body = np.einsum("kab,nbd->knad", OF_QUARTERS, body).reshape(-1, 3, 2)
-        else:
-            self.t, self.y = t, y
-        self.body = body
-        self.held = self._supports(y)
-        self.traction: Array = np.zeros((len(self.t.facets), d, d))
-        facets, values = self._on_halves(self._placed("loaded"), rows["traction"])
-        np.add.at(self.traction, facets, values)
-        self.traction = self.traction @ (np.eye(d) - self.held)
-        self.named: Ints = self._halves[self._placed("named")].ravel()
-        count = sum(name.startswith("slave ") for name in rows)
-        self.contacts = [self._contact(number) for number in range(count)] if "point" in rows else []
+        self._statement = model.statement.placed(step)
+        self.held = self._supports()
+        self.body, self.traction = self._loads()
+        self.named: Ints = self._facets("named")
+        contacts = enumerate(self._statement.contact) if "point" in rows else ()
+        self.contacts = [self._contact(number, effect) for number, effect in contacts]
 
     @property
     def body_moments(self) -> Array:
@@ -136,46 +128,74 @@ class PlainProblem:
         of_sides = [parts.restricted(coefficients(y[nodes[parts.facet(side)]]), side) for side in parts.sides]
         return np.asarray(of_sides[SLAVE] - of_sides[MASTER] if surface.paired else of_sides[SLAVE])
 
-    def _placed(self, name: str) -> Ints:
-        """Facets of the undivided cells from their vertices, ascending, which rows with a name are."""
+    def _undivided(self, name: str) -> Ints:
+        """Facets of the undivided cells that rows with a name are."""
         t = self._given
         return np.searchsorted(t.keys(t.facets), t.keys(np.searchsorted(self._numbers, self._rows[name])))
 
-    def _on_halves(self, facets: Ints, values: Array) -> tuple[Ints, Array]:
-        """Facets of the cells from undivided ones, and values of polynomials at their vertices, or at middles too."""
-        halves = self._halves[facets]
-        if halves.shape[1] == 1:
-            return halves[:, 0], values
-        halved = np.einsum("hab,fb...->fha...", _ON_HALVES[values.shape[1]], values)
-        return halves.ravel(), halved.reshape(-1, *values.shape[1:])
+    def _facets(self, name: str) -> Ints:
+        """Those of the cells, the halves of each one together."""
+        return np.asarray(self._halves[self._undivided(name)].ravel())
 
-    def _supports(self, y: Array) -> Array:
+    def _loads(self) -> tuple[Array, Array]:
+        """Force per volume at corners, and per area at the vertices of facets."""
+        t, mass = self.t, np.tile(self._rows["mass"], self.t.parts)
+        body, traction = np.zeros((*t.corners.shape, t.dimension)), np.zeros((*t.facets.shape, t.dimension))
+        for listed in self._statement.of(Force):
+            factor, load = self._statement.now(listed, self._step)
+            if factor == 0:
+                continue
+            if load.where is None:
+                body += factor * _density(load, t.x[t.corners], np.zeros((len(mass), t.dimension)), mass, 0.0)
+                continue
+            facets = self._facets(f"at {load.where}")
+            x, area = t.x[t.facets[facets]], float(t.area[facets].sum())
+            traction[facets] += factor * _density(load, x, t.normal[facets], mass[t.sides[facets, 0]], area)
+        return body, traction @ (np.eye(t.dimension) - self.held)
+
+    def _supports(self) -> Array:
         """Projectors onto the directions that supports hold, where the displacement is what they prescribe."""
-        t, d = self.t, self.t.dimension
-        facets, prescribed, direction = self._placed("supported"), self._rows["prescribed"], self._rows["direction"]
-        nodal = y[self._given.nodes_of_facets[facets]]
-        missed = np.abs(np.einsum("mcd,md->mc", nodal, direction) - prescribed).max(initial=0.0)
-        if missed > ZERO_IN_SOLUTION * max(np.abs(y).max(), np.abs(prescribed).max(initial=0.0)):
+        t, missed, largest = self.t, 0.0, float(np.abs(self.y).max())
+        places, held = t.with_middles(t.x), np.zeros((*t.facets.shape, t.dimension))
+        for entry in self._statement.of(PrescribedDisplacement):
+            if not entry.holding:
+                continue
+            factor, effect = self._statement.now(entry, self._step)
+            facets = self._facets(f"at {effect.boundary}")
+            nodes, normal = t.nodes_of_facets[facets], t.normal[facets]
+            axes = [np.broadcast_to(axis, normal.shape) for axis in np.eye(t.dimension)]
+            for value, along in ((effect.normal, normal), *zip(effect.components, axes, strict=False)):
+                if value is not None:
+                    held[facets] += along[:, :, None] * along[:, None]
+                    prescribed = factor * sampled(value, places[nodes])
+                    apart = np.einsum("mcd,md->mc", self.y[nodes], along) - prescribed
+                    missed = max(missed, float(np.abs(apart).max(initial=0.0)))
+                    largest = max(largest, float(np.abs(prescribed).max(initial=0.0)))
+        if missed > ZERO_IN_SOLUTION * largest:
             raise refused("supports that prescribe different displacements where they meet")
-        held: Array = np.zeros((len(t.facets), d, d))
-        for halves in self._halves[facets].T:
-            np.add.at(held, halves, direction[:, :, None] * direction[:, None])
         sizes, vectors = np.linalg.eigh(held)
         return np.einsum("fik,fk,fjk->fij", vectors, np.where(sizes > SAME_LENGTH, 1.0, 0.0), vectors)
 
-    def _contact(self, number: int) -> FacetsInContact:
+    def _contact(self, number: int, effect: Contact) -> FacetsInContact:
         """With admissible tractions near the nodal ones."""
-        t, rows, d = self.t, self._rows, self.t.dimension
-        undivided = self._placed(f"slave {number}")
-        towards = np.repeat(rows[f"towards {number}"], self._halves.shape[1], axis=0)
-        facets, gap = self._on_halves(undivided, rows[f"gap {number}"])
-        _, bound = self._on_halves(undivided, rows[f"bound {number}"])
-        if f"master {number}" in rows:
-            parts = ContactParts.between(t, facets, self._halves[self._placed(f"master {number}")].ravel())
-            self._refuse_pair(number, parts, acts=bool(bound.any()))
+        t, rows, d, facets = self.t, self._rows, self.t.dimension, self._facets(f"slave {number}")
+        x, pair = t.x[t.facets[facets]], self._model.pairs.get(number)
+        given_bound = getattr(effect.friction, "bound", 0.0)  # that of Tresca friction
+        refuse_jumps(given_bound, x, "friction bound")
+        bound = from_inside(sampled(given_bound, inside(x)))
+        gap = coefficients(sampled(effect.gap_in(d), t.with_middles(t.x)[t.nodes_of_facets[facets]]))
+        if pair is not None:
+            parts = ContactParts.between(t, facets, self._facets(f"master {number}"))
+            self._refuse_pair(float(pair.coupling.met), parts, acts=bool(bound.any()))
         else:
+            towards = t.normal[facets]
+            if effect.foundation is not None:
+                towards = -effect.foundation.distance(x.mean(axis=1))[1]
+            elif effect.direction is not None:
+                direction = np.array(effect.direction[:d])
+                towards = np.broadcast_to(direction / np.linalg.norm(direction), towards.shape)
             parts = ContactParts.on_foundation(t, facets, towards)
-        points = np.flatnonzero(rows["contact of point"] == number)
+        points, undivided = np.flatnonzero(rows["contact of point"] == number), self._undivided(f"slave {number}")
         at, pressure, shear = (rows[name][points] for name in ("point", "pressure", "shear"))
         pressure, shear = self._linear(undivided, at, pressure, positive=True), self._linear(undivided, at, shear)
         order = np.argsort(facets)
@@ -184,8 +204,8 @@ class PlainProblem:
         normal[parts.row[SLAVE]] = parts.normal
         shear, bound = shear[of_facets], bound[of_facets].clip(min=0.0)
         shear = onto_disc(shear - np.einsum("fad,fd,fe->fae", shear, normal, normal), bound)
-        gap = parts.restricted(coefficients(gap)[of_facets][parts.row[SLAVE]], SLAVE)
-        if len(parts.facets) > 1 and rows[f"by geometry {number}"].any():
+        gap = parts.restricted(gap[of_facets][parts.row[SLAVE]], SLAVE)
+        if pair is not None and effect.distance == "geometry" and not effect.bonded:
             apart = self._away(parts)
             gap += np.concatenate((apart, apart[:, EDGES_OF_FACET[d]].mean(axis=2)), axis=1)
         surface = FacetsInContact(parts, gap, bound, pressure[of_facets].clip(min=0.0), shear, 1.0)
@@ -211,20 +231,30 @@ class PlainProblem:
                 cut = tractions.clip(min=0.0)
                 share = tractions.sum(axis=1) / np.maximum(cut.sum(axis=1), np.finfo(float).tiny)
                 tractions = cut * share.clip(0.0, 1.0)[:, None]
-        return self._on_halves(undivided, tractions)[1]
+            tractions = np.einsum("hab,fb...->fha...", _ON_HALVES, tractions).reshape(-1, 2, *values.shape[1:])
+        return tractions
 
     def _away(self, parts: ContactParts) -> Array:
         """The distance of both sides along the normal at the vertices of the parts, length, shape (m, d)."""
         x = [parts.local[side] @ self.t.x[self.t.facets[parts.facet(side)]] for side in (SLAVE, MASTER)]
         return np.einsum("fad,fd->fa", x[MASTER] - x[SLAVE], parts.normal)
 
-    def _refuse_pair(self, number: int, parts: ContactParts, *, acts: bool) -> None:
-        """Refuse sides that the proof does not know; ``acts``: whether the contact has friction."""
-        covered = float(self._rows[f"covered {number}"].sum())
+    def _refuse_pair(self, covered: float, parts: ContactParts, *, acts: bool) -> None:
+        """Refuse sides that the proof does not know; ``covered``: area; ``acts``: whether the contact has friction."""
         if abs(float(parts.area.sum()) - covered) > SAME_LENGTH * covered or not covered > 0:
             raise refused("sides of two bodies that neither match nor are flat and parallel")
         if acts and np.abs(self._away(parts)).max() > SAME_LENGTH * float(np.ptp(self.t.x, axis=0).max()):
             raise refused("friction of sides that are apart")
+
+
+def _density(load: Force, x: Array, normal: Array, mass: Array, area: float) -> Array:
+    """Of a load at vertices x of m cells or facets, seen from inside, (m, k, d); ``area``: of the boundary."""
+    for value in load.given.values():
+        refuse_jumps(value, x, load.label)
+    each, d = x.shape[1:]
+    places, across = inside(x).reshape(-1, d).T, np.repeat(normal, each, axis=0).T
+    at = SampledPoints(places, across, lambda effect: area * float(effect.spread), np.repeat(mass, each))
+    return from_inside(np.broadcast_to(load.density(at), places.shape).T.reshape(x.shape))
 
 
 def _moduli(rows: Rows, d: int) -> Moduli:

@@ -187,12 +187,8 @@ class Fluid(Force):
         return True
 
     def density(self, on: Coefficients) -> Any:
-        depth = on.value(self.level) - on.position[self.axis_in(len(on.position))]
+        depth = on.value(self.level) - on.position[len(on.position) - 1 if self.up is None else "xyz".index(self.up)]
         return -on.value(self.weight) * (depth + abs(depth)) / 2 * on.normal
-
-    def axis_in(self, dimension: int) -> int:
-        """The number of the axis along which it rises."""
-        return dimension - 1 if self.up is None else "xyz".index(self.up)
 
 
 class PointForce(VectorForce):
