@@ -255,9 +255,9 @@ SHORTENED_AT_MOST = 30.0
 
 # --- bounds of the error ---------------------------------------------------------------------------------------------
 
-# Of tractions between facets that do not match: parts along the edges of a facet into which it is divided so many
-# times.  Tuned on random scenes of two bodies in 3D.
-PARTS_OF_EDGE, DIVISIONS = 3, 2
+# Of tractions between facets that do not match: parts along the edges of a facet.  Tuned on random scenes of two bodies
+# in 3D.
+PARTS_OF_EDGE = 3
 # Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the condition of a
 # tetrahedron.  Source: tests/bounds/test_lifted_tractions.py: those of turned ones differ by a third of this at most.
 ROUNDED_FORMS = 1e3

@@ -27,7 +27,7 @@ from signorini_fx.addons.bounds.contact_displacement import admissible
 from signorini_fx.addons.bounds.contact_parts import MASTER, POINTS, SLAVE, WEIGHTS, bernstein
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, equilibrated
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain, square
-from signorini_fx.addons.bounds.liftings import Liftings, finest, lifted_forces
+from signorini_fx.addons.bounds.liftings import Liftings, lifted_forces
 from signorini_fx.addons.bounds.linear_displacement import free_motions
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.scene_arrays import Rows, on_first_rank
@@ -37,7 +37,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.model import Model
 from signorini_fx.quantities.proved_statements import ErrorBound, Refused
-from signorini_fx.tuned import DIVISIONS, PARTS_OF_EDGE
+from signorini_fx.tuned import PARTS_OF_EDGE
 
 T = TypeVar("T")
 # Share of displacements and forces below which they are round-off.
@@ -143,8 +143,8 @@ class Bounded(PlainProblem):
                 apexes = t.x[t.corners[cells, opposite]]
                 corners = np.concatenate((t.x[t.facets[facets[rows]]], apexes[:, None]), axis=1)
                 liftings = Liftings.of(corners, t.moduli.of(cells), PARTS_OF_EDGE)
-                pieces = finest(liftings.facet, DIVISIONS)
-                values = surface.parts.projected_on_pieces(surface.traction, side, rows, pieces, t.area[facets[rows]])
+                pieces, areas = liftings.facet.parts, t.area[facets[rows]]
+                values = surface.parts.projected_on_pieces(surface.traction, side, rows, pieces, areas)
                 np.add.at(norms, cells, liftings.norms(*values))
         return norms
 

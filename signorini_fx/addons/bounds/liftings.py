@@ -68,7 +68,6 @@ class DividedFacet:
     # barycentric coordinates of the vertices of its parts, in the order of those of the facet that they are similar to,
     # shape (p, d, d)
     parts: Array
-    turned: Ints  # which of them are turned by half a turn, shape (p,)
     mean: Array  # from values at the vertices of the parts to those of the closest linear function, shape (d, d p)
     x: Array  # barycentric coordinates of vertices in the cell, shape (v, d + 1); those of the facet are first
     corners: Ints  # of its parts, shape (m^d, d + 1)
@@ -92,8 +91,7 @@ def divided_facet(d: int, m: int) -> DividedFacet:
                 corners.append([numbers.setdefault(tuple(point.tolist()), len(numbers)) for point in path])
     at = np.array(list(numbers))
     x = -np.diff(np.column_stack((np.full(len(at), m), at, np.zeros(len(at)))), axis=1) / m
-    kind = np.array([0] * len(straight) + [1] * len(turned), dtype=np.int64)
-    return DividedFacet(m, parts, kind, np.linalg.solve(mass, moments), x, np.array(corners))
+    return DividedFacet(m, parts, np.linalg.solve(mass, moments), x, np.array(corners))
 
 
 def _mass(d: int) -> Array:
@@ -101,22 +99,13 @@ def _mass(d: int) -> Array:
     return (np.ones((d, d)) + np.eye(d)) / (d * (d + 1))
 
 
-def finest(facet: DividedFacet, levels: int) -> Array:
-    """Barycentric coordinates of the vertices of the parts of parts, those of each one together, (p^levels, d, d)."""
-    d = facet.parts.shape[1]
-    parts: Array = np.eye(d)[None]
-    for _ in range(levels):
-        parts = (facet.parts @ parts[:, None]).reshape(-1, d, d)
-    return parts
-
-
 @dataclass(frozen=True)
 class Liftings:
     """Of tractions on a facet of each of n cells."""
 
     facet: DividedFacet  # how facets are divided
-    # squares of the norms of liftings in K, and in 3D in K', of tractions that are linear on the parts, from values at
-    # their vertices, shape (n, 1 or 2, d^2 p, d^2 p)
+    # squares of the norms of liftings in K of tractions that are linear on the parts, from values at their vertices,
+    # shape (n, d^2 p, d^2 p)
     forms: Array
     constant: Array  # a bound of c_K and c_K', shape (n,)
 
@@ -142,30 +131,18 @@ class Liftings:
         free = np.kron(np.linalg.solve(root, linear), np.eye(d))
         largest = np.linalg.eigvalsh(free.T @ form @ free)[:, -1] / _areas(cells)
         constant = np.sqrt(largest.reshape(n, kinds).max(axis=1) / (1 - 1 / m))
-        return cls(facet, form.reshape(n, kinds, size, size), constant)
+        return cls(facet, form[::kinds], constant)
 
     def norms(self, values: Array, missed: Array) -> Array:
-        """Bounds of the norms of liftings, shape (n,); ``values``: the projections of the tractions after some
-        divisions, at the vertices of the ``finest`` parts, shape (n, p ..., d, d); ``missed``: integrals of the squares
-        of what they are not, shape (n,).
+        """Bounds of the norms of liftings, shape (n,); ``values``: the projections of the tractions, at the vertices of
+        the parts, shape (n, p, d, d); ``missed``: integrals of the squares of what they are not, shape (n,).
         """
-        facet, n, m, d = self.facet, len(self.constant), self.facet.times, values.shape[3]
-        count = len(facet.parts)
-        levels = round(np.log(values.shape[1]) / np.log(count))
-        kinds: list[Ints] = [np.zeros(1, dtype=np.int64)]
-        for _ in range(levels):
-            kinds.append((kinds[-1][:, None] ^ facet.turned).ravel())
-        total = self.constant * np.sqrt(missed / m**levels)
-        for level in reversed(range(levels)):
-            parts = values.reshape(n, -1, d * count, d)
-            values = np.einsum("ak,njkd->njad", facet.mean, parts)
-            difference = (parts - facet.parts.reshape(-1, d) @ values).reshape(n, len(kinds[level]), -1)
-            squares = np.zeros(n)
-            for kind in range(self.forms.shape[1]):
-                selected = difference[:, kinds[level] == kind]
-                squares += np.einsum("njk,nkl,njl->n", selected, self.forms[:, kind], selected, optimize=True)
-            total = total + np.sqrt(squares.clip(min=0.0) / m ** (d * level))
-        return total
+        n, d = len(values), values.shape[3]
+        on_parts = values.reshape(n, -1, d)
+        closest = self.facet.parts.reshape(-1, d) @ (self.facet.mean @ on_parts)
+        difference = (on_parts - closest).reshape(n, -1)
+        squares = np.einsum("nk,nkl,nl->n", difference, self.forms, difference, optimize=True)
+        return np.asarray(self.constant * np.sqrt(missed / self.facet.times) + np.sqrt(squares.clip(min=0.0)))
 
 
 def _areas(corners: Array) -> Array:
