@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from signorini_fx.addons.bounds.johnson_mercier import LocalStress
 from signorini_fx.addons.bounds.linear_displacement import free_basis, free_motions, solved
-from signorini_fx.addons.bounds.simplices import EPS, Array, Ints, Simplices, closest_linear, pieces_of_cells, with_hats
+from signorini_fx.addons.bounds.simplices import EPS, Array, Ints, Simplices, closest_linear, with_hats
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def _round_off(
     force = np.abs(tractions).max(axis=(1, 2)) * t.area
     sizes = force[t.facets_of].max(axis=1) + np.abs(body).sum(axis=(1, 2))
     start = np.unique(t.sides[t.outer, 0][held[t.outer].any(axis=(1, 2))])
-    total, couple = _carried(t.x[t.corners].mean(axis=1), t.sides, start, sizes * (missed_share + 32 * EPS))
+    total, couple = _carried(t, start, sizes * (missed_share + 32 * EPS))
     longest = np.linalg.norm(t.x[t.edges[:, 0]] - t.x[t.edges[:, 1]], axis=1)[t.edges_of].max(axis=1)
     lowest = (d - 1) * t.area[t.facets_of].min(axis=1) / longest ** (d - 2)
     forces = total + 6 * (d - 1) * (couple + total * longest) / lowest
@@ -100,18 +100,16 @@ def _round_off(
     return float(np.sqrt((np.tile(local.energy, t.parts) * count * forces**2).sum()))
 
 
-def _carried(centre: Array, sides: Ints, held: Ints, missed: Array) -> tuple[Array, Array]:
+def _carried(t: Simplices, held: Ints, missed: Array) -> tuple[Array, Array]:
     """Bounds of the force that each cell passes on to the supports, of what cells miss by round-off, and of its couple
     about its centre, shapes (n,); ``held``: cells at supports; in a piece without one a cell of it takes the rest.
     """
-    count, piece = len(centre), pieces_of_cells(sides, len(centre))
-    loose = np.setdiff1d(np.arange(piece.max(initial=-1) + 1), piece[held])
-    start = np.concatenate((held, np.unique(piece, return_index=True)[1][loose]))
-    inner = np.flatnonzero((sides >= 0).all(axis=1))
-    graph = sp.csr_matrix((np.ones(inner.size), tuple(sides[inner].T)), shape=(count, count))
+    count, centre = len(t.corners), t.x[t.corners].mean(axis=1)
+    loose = np.setdiff1d(np.arange(t.piece.max(initial=-1) + 1), t.piece[held])
+    start = np.concatenate((held, np.unique(t.piece, return_index=True)[1][loose]))
     # One more node joins all cells that take what the others pass on.
     root = sp.csr_matrix((np.ones(start.size), (np.full(start.size, 0), start)), shape=(1, count))
-    rooted_graph = sp.bmat([[graph, None], [root, sp.csr_matrix((1, 1))]], format="csr")
+    rooted_graph = sp.bmat([[t.neighbours, None], [root, sp.csr_matrix((1, 1))]], format="csr")
     order, parent = breadth_first_order(rooted_graph, count, directed=False)
     total, couple = np.append(missed, 0.0), np.zeros(count + 1)
     arm = np.append(np.linalg.norm(centre - centre[parent[:count].clip(0, count - 1)], axis=1), 0.0)

@@ -6,7 +6,7 @@ and volumes and areas are areas and lengths in 2D.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import factorial
 
@@ -85,6 +85,18 @@ class Simplices:
     # how many similar triangles a cell of the mesh is divided into, 1 or 4: those of the i-th of m cells are i, i + m
     # and so on, with corners in the order of its own, the last one between the others
     parts: int = 1
+    facets: Ints = field(init=False)  # vertices of each facet, ascending, shape (f, d)
+    facets_of: Ints = field(init=False)  # facets of each cell, the i-th opposite its i-th corner, shape (n, d + 1)
+    edges: Ints = field(init=False)  # vertices of each edge, ascending, shape (e, 2); in 2D those of the facets
+    edges_of: Ints = field(init=False)  # edges of each cell in the order of ``EDGES``, shape (n, 3 or 6)
+
+    def __post_init__(self) -> None:
+        """Facets and edges are numbered."""
+        for name, parts in (("facets", FACETS), ("edges", EDGES)):
+            vertices = np.sort(self.corners[:, parts[self.dimension]], axis=2)
+            _, first, inverse = np.unique(self.keys(vertices), return_index=True, return_inverse=True)
+            object.__setattr__(self, name, vertices.reshape(-1, vertices.shape[2])[first])
+            object.__setattr__(self, f"{name}_of", inverse.reshape(vertices.shape[:2]))
 
     @property
     def dimension(self) -> int:
@@ -94,40 +106,6 @@ class Simplices:
     def keys(self, vertices: Ints) -> Ints:
         """A number for each edge or facet, by which they are in ascending order, from its vertices, ascending."""
         return vertices @ len(self.x) ** np.arange(vertices.shape[-1])[::-1]
-
-    def _numbered(self, parts: Ints) -> tuple[Ints, Ints]:
-        """Vertices of facets or edges, ascending, and their numbers in each cell, from their corners."""
-        vertices = np.sort(self.corners[:, parts], axis=2)
-        _, first, inverse = np.unique(self.keys(vertices), return_index=True, return_inverse=True)
-        return vertices.reshape(-1, parts.shape[1])[first], inverse.reshape(-1, len(parts))
-
-    @cached_property
-    def _facets(self) -> tuple[Ints, Ints]:
-        return self._numbered(FACETS[self.dimension])
-
-    @cached_property
-    def _edges(self) -> tuple[Ints, Ints]:
-        return self._numbered(EDGES[self.dimension])
-
-    @property
-    def facets(self) -> Ints:
-        """Vertices of each facet, ascending, shape (f, d)."""
-        return self._facets[0]
-
-    @property
-    def facets_of(self) -> Ints:
-        """Facets of each cell, the i-th opposite its i-th corner, shape (n, d + 1)."""
-        return self._facets[1]
-
-    @property
-    def edges(self) -> Ints:
-        """Vertices of each edge, ascending, shape (e, 2); in 2D those of the facets."""
-        return self._edges[0]
-
-    @property
-    def edges_of(self) -> Ints:
-        """Edges of each cell in the order of ``EDGES``, shape (n, 3 or 6)."""
-        return self._edges[1]
 
     @cached_property
     def edges_of_facets(self) -> Ints:
@@ -159,9 +137,15 @@ class Simplices:
         return sides
 
     @cached_property
+    def neighbours(self) -> sp.csr_matrix:
+        """Which cells share a facet, by the lower number first, shape (n, n)."""
+        inner, count = self.sides[self.sides[:, 1] >= 0], len(self.corners)
+        return sp.csr_matrix((np.ones(len(inner)), tuple(inner.T)), shape=(count, count))
+
+    @cached_property
     def piece(self) -> Ints:
         """The piece of the body that each cell is in, from 0, shape (n,)."""
-        return pieces_of_cells(self.sides, len(self.corners))
+        return np.asarray(connected_components(self.neighbours, directed=False)[1], dtype=np.int64)
 
     @cached_property
     def piece_of_vertex(self) -> Ints:
@@ -231,13 +215,6 @@ class Simplices:
                 gradient[:, b] += 4 * bubble[:, k, :, None] * g[:, a, None]
         rows, columns = ROWS[d], COLUMNS[d]
         return np.asarray((gradient[..., rows, columns] + gradient[..., columns, rows]) / 2)
-
-
-def pieces_of_cells(sides: Ints, count: int) -> Ints:
-    """The piece that each of some cells is in, from 0; ``sides``: the cells at each facet, -1 for none, (f, 2)."""
-    inner = sides[(sides >= 0).all(axis=1)]
-    graph = sp.csr_matrix((np.ones(len(inner)), tuple(inner.T)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _times(matrix: Array, components: Array) -> Array:

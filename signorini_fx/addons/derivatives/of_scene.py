@@ -127,11 +127,16 @@ def sensitivity(
         ConvergenceError: the scene has no solution.
     """
     scene = as_scene(scene)
-    _check(scene.statement)
+    statement = scene.statement
+    if not statement.contact:
+        raise SceneError([("contact", "there is none: a problem without contact is linear")])
+    if reason := statement.kinematics.refuses.get("derivatives"):
+        raise SceneError([("material.hypothesis", reason)])
+    refuse(statement, REFUSES)
     wanted = [of] if isinstance(of, str) else list(of)
-    if scene.statement.nonlinear:
+    if statement.nonlinear:
         problem = partial(problem_of, scene, comm, History())
-        sensitivities = _sensitivities(_NonlinearSteps.solved(scene.statement, problem), wanted, by)
+        sensitivities = _sensitivities(_NonlinearSteps.solved(statement, problem), wanted, by)
     else:
         sensitivities = _sensitivities(_Steps.solved(scene, comm), wanted, by)
     return sensitivities[0] if isinstance(of, str) else sensitivities
@@ -221,15 +226,6 @@ def _by_difference(
         return difference(high, low, change)
 
     return evaluated
-
-
-def _check(statement: Statement) -> None:
-    """Whether derivatives of the problem are known."""
-    if not statement.contact:
-        raise SceneError([("contact", "there is none: a problem without contact is linear")])
-    if reason := statement.kinematics.refuses.get("derivatives"):
-        raise SceneError([("material.hypothesis", reason)])
-    refuse(statement, REFUSES)
 
 
 def _sensitivities(steps: _Steps | _NonlinearSteps, of: list[str], by: Sequence[str]) -> list[Sensitivity]:
