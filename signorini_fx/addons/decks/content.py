@@ -157,9 +157,8 @@ class Deck:
         return {kind: {label.upper(): label for label in reversed(list(names))} for kind, names in kinds.items()}
 
     def label(self, kind: str, name: str) -> str | None:
-        """The name of a boundary, surface, region or set of nodes of the file, whatever its case and its instance."""
-        labels = self._labels[kind]
-        return labels.get(name.upper(), labels.get(plain_name(name)))
+        """The name of a boundary, surface, region or set of nodes of the file, whatever its case."""
+        return self._labels[kind].get(name.upper())
 
     def boundary(self, name: str) -> str | None:
         """The boundary of the mesh that a set or surface of the file is."""
@@ -248,8 +247,3 @@ class Deck:
                     if seen.setdefault((component, node), nodes) != nodes:
                         single_components.add(component)
         return single_components
-
-
-def plain_name(name: str) -> str:
-    """The name of a set in capitals, without its instance."""
-    return name.rpartition(".")[2].upper()

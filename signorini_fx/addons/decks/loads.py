@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks import bolts
-from signorini_fx.addons.decks.content import Deck, DeckLoad, Place, plain_name
+from signorini_fx.addons.decks.content import Deck, DeckLoad, Place
 from signorini_fx.addons.decks.keywords import NO_BODY_PART, UNKNOWN, WITHOUT_EFFECT
 from signorini_fx.addons.decks.mesh import Group
 from signorini_fx.addons.decks.text import (
@@ -51,7 +51,7 @@ def read_boundary(deck: Deck, block: DeckBlock) -> None:
         if (mover := deck.mover(name)) is not None:
             for component, value in components(words).items():
                 bolts.drive(deck, block, "prescribed", mover, component, value * factor)
-        elif not plain_name(name).isdigit():
+        elif number_of(name) is None:
             prescribed.setdefault(name, {}).update(components(words))
     nodes: dict[str, tuple[int, ...]] = {}
     for group in deck.model.groups.get(block.number, []):

@@ -213,13 +213,12 @@ class _Reader:
         self._extend(sets, name, _distinct(parts))
 
     def _member(self, sets: dict[str, Ints], word: str) -> Ints:
-        """A number, or the members of a set, perhaps with the name of its instance before it."""
+        """A number, or the members of a set."""
         if (number := number_of(word)) is not None:
             return np.array([number], dtype=np.int64)
-        for name in (word, word.rpartition(".")[2]):
-            if (members := sets.get(self._name(name))) is not None:
-                return members
-        raise ValueError(f"set {word!r} does not exist")
+        if (members := sets.get(self._name(word))) is None:
+            raise ValueError(f"set {word!r} does not exist")
+        return members
 
     def _read_surface(self, block: DeckBlock) -> None:
         name, kind = self._name(block.parameters["NAME"]), block.parameters.get("TYPE", "ELEMENT").upper()
