@@ -8,6 +8,6 @@ adaptive refinement need to know.  Outlines and solids that several of them draw
 Bodies in 3D have the axis x[2] upwards and the foundation below.
 """
 
-from signorini_fx.mechanics.statement.generators import Length, cells_of_grid, generator, refuse, refuse_too_large
+from signorini_fx.mechanics.statement.generators import Count, Length, generator, refuse, refuse_too_large
 
-__all__ = ["Length", "cells_of_grid", "generator", "refuse", "refuse_too_large"]
+__all__ = ["Count", "Length", "generator", "refuse", "refuse_too_large"]

@@ -20,9 +20,8 @@ from mpi4py import MPI
 from pydantic import Field
 
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Length, cells_of_grid, generator, refuse_too_large
+from signorini_fx.meshes import Count, Length, generator, refuse_too_large
 
-Count = Annotated[int, Field(gt=0, le=5_000)]
 Ratio = Annotated[float, Field(ge=1, le=1e6, allow_inf_nan=False)]
 # gmsh is given the block with this length.
 _DRAWN_LENGTH = 3.0
@@ -86,7 +85,7 @@ def generate(
             gmsh.model.addPhysicalGroup(1, [side], name=name)
         gmsh.model.mesh.generate(2)
 
-    refuse_too_large(comm, cells_of_grid(nx, ny, cell))
+    refuse_too_large(comm, nx * ny, cell)
     return gmsh_mesh(comm, draw, name="block", unit=unit)
 
 

@@ -15,18 +15,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from pydantic import Field
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.meshes import Length, generator, refuse_too_large
-
-Count = Annotated[int, Field(gt=0, le=2_000)]
+from signorini_fx.meshes import Count, Length, generator, refuse_too_large
 
 
 @generator(counts=("nx", "ny", "nz"), simplices="tetrahedron")
@@ -57,7 +54,7 @@ def generate(
     Returns:
         The mesh with the boundaries left, right, front, back, bottom, top.
     """
-    refuse_too_large(comm, nx * ny * nz * (6 if cell == "tetrahedron" else 1))
+    refuse_too_large(comm, nx * ny * nz, cell)
     ends = np.array([length, width, height])
     unit = 2.0 ** np.floor(np.log2(ends))  # dolfinx refuses lengths below a number that has no unit
     opposite, whole = [np.zeros(3), ends / unit], dmesh.GhostMode.none

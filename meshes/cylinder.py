@@ -18,16 +18,14 @@ r"""A cylinder in 3D that stands on the origin, with a structured mesh by gmsh.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from mpi4py import MPI
-from pydantic import Field
 
 from signorini_fx.mechanics.mesh.drawing import Drawing, around, mesh_extruded
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Length, generator, refuse_too_large
+from signorini_fx.meshes import Count, Length, generator, refuse_too_large
 
-Count = Annotated[int, Field(gt=0, le=1_000)]
 # Corners of the core, as a share of the radius: cells in the core and around it are of one size there.
 _CORE = 0.55
 
@@ -79,5 +77,5 @@ def generate(
         counts, names = ((core + arcs, nt), (spokes, nr)), {"side": around(1.0)}
         mesh_extruded(drawing, sections, counts, names, height, nz, cell=cell, order=order)
 
-    refuse_too_large(comm, nt * (nt + 4 * nr) * nz * (6 if cell == "tetrahedron" else 1))
+    refuse_too_large(comm, nt * (nt + 4 * nr) * nz, cell)
     return gmsh_mesh(comm, draw, name="cylinder", unit=unit)

@@ -23,9 +23,7 @@ from mpi4py import MPI
 from pydantic import Field
 
 from signorini_fx.mechanics.mesh.tagged import tag_boundaries
-from signorini_fx.meshes import Length, cells_of_grid, generator, refuse, refuse_too_large
-
-Count = Annotated[int, Field(gt=0, le=20_000)]
+from signorini_fx.meshes import Count, Length, generator, refuse, refuse_too_large
 
 
 @generator(counts=("nx", "ny"), simplices="triangle")
@@ -62,7 +60,7 @@ def generate(
     row, near = round(lower / height * ny), 1e-9 * max(length, height)
     if not row < ny or abs(lower - row * height / ny) > near:
         refuse("lower", f"there are no nodes at {lower:g}: with ny = {ny} it must be a multiple of {height / ny:g}")
-    refuse_too_large(comm, cells_of_grid(nx, ny, cell))
+    refuse_too_large(comm, nx * ny, cell)
     corners = [np.zeros(2), np.array([length, height])]
     mesh = dmesh.create_rectangle(comm, corners, [nx, ny], dmesh.CellType[cell], diagonal=dmesh.DiagonalType[diagonal])
     return tag_boundaries(

@@ -21,9 +21,8 @@ from pydantic import Field
 
 from signorini_fx.mechanics.mesh.drawing import Drawing, around, mesh_extruded
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Length, generator, refuse, refuse_too_large
+from signorini_fx.meshes import Count, Length, generator, refuse, refuse_too_large
 
-Count = Annotated[int, Field(gt=0, le=1_000)]
 # A curved cell that turns by a right angle may be inverted.
 Around = Annotated[int, Field(gt=1, le=1_000)]
 
@@ -78,5 +77,5 @@ def generate(
         names = {"inner": around(inner_radius / unit), "outer": around(2.0)}
         mesh_extruded(drawing, sections, counts, names, height, nz, cell=cell, order=order)
 
-    refuse_too_large(comm, 4 * nt * nr * nz * (6 if cell == "tetrahedron" else 1))
+    refuse_too_large(comm, 4 * nt * nr * nz, cell)
     return gmsh_mesh(comm, draw, name="ring", unit=unit)

@@ -21,10 +21,9 @@ from pydantic import Field
 
 from signorini_fx.mechanics.mesh.drawing import Drawing
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
-from signorini_fx.meshes import Length, generator
+from signorini_fx.meshes import Count, Length, generator, refuse_too_large
 
 Angle = Annotated[float, Field(gt=0, lt=90, allow_inf_nan=False)]
-Count = Annotated[int, Field(gt=0, le=5_000)]
 
 
 @generator(counts=("nx", "ny"), simplices="triangle")
@@ -73,4 +72,5 @@ def generate(
             gmsh.model.addPhysicalGroup(1, [side], name=name)
         gmsh.model.mesh.generate(2)
 
+    refuse_too_large(comm, nx * ny, cell)
     return gmsh_mesh(comm, draw, name="wedge", unit=unit)

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, get_type_hints
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 Length = Positive
+Count = Annotated[int, Field(gt=0, le=20_000)]  # of cells along a line
 GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
 Generate = TypeVar("Generate", bound=Callable[..., Any])
 
@@ -131,21 +132,17 @@ def generator(
     return decorate
 
 
-def refuse_too_large(comm: MPI.Comm, cells: float) -> None:
-    """Refuse about so many cells, before they are made, by a ``SceneError`` if mesh and stiffness alone would take more
-    memory than the machines have; collective.
+def refuse_too_large(comm: MPI.Comm, blocks: int, cell: str) -> None:
+    """Refuse a grid of quadrilaterals or hexahedra, perhaps cut into simplices, before it is made, by a ``SceneError``
+    if mesh and stiffness alone would take more memory than the machines have; collective.
     """
     from signorini_fx.machine import parallel
 
+    cells = blocks * {"triangle": 2, "tetrahedron": 6}.get(cell, 1)
     wanted, available = BYTES_PER_DOF * cells, parallel.machine_memory(comm)
     if wanted > available:
         message = f"about {cells:.2g} cells would need {wanted / 1e9:.0f} GB or more, there are {available / 1e9:.0f}"
         raise SceneError([("mesh.parameters", f"{message}: use fewer and larger cells")])
-
-
-def cells_of_grid(nx: int, ny: int, cell: str) -> int:
-    """The number of cells of a grid of nx by ny quadrilaterals, each cut into two triangles or not."""
-    return nx * ny * (2 if cell == "triangle" else 1)
 
 
 def refuse(parameter: str, message: str) -> NoReturn:
