@@ -8,8 +8,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.mesh.bodies import in_body, together
+from signorini_fx.errors import SceneError
+from signorini_fx.mechanics.mesh.bodies import naming, together
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, check_dimension, generate_mesh, load_file
 from signorini_fx.mechanics.statement.mesh_sources import (
@@ -40,10 +40,8 @@ def with_cells_alike(scene: Scene) -> Scene:
     able, meshes = dict[int, tuple[str, ...]](), scene.meshes
     for number, mesh in enumerate(meshes):
         if isinstance(mesh, MeshGenerator):
-            try:
+            with naming(number, scene.body[number]):
                 able[number] = mesh.cells
-            except SceneError as error:
-                raise SceneError(in_body(number, error.problems)) from None
     given = [meshes[number].parameters["cell"] for number in able if "cell" in meshes[number].parameters]
     common = [cell for cells in able.values() for cell in cells[:1] if all(cell in others for others in able.values())]
     wanted = next(iter((*given, *common)), None)
@@ -55,8 +53,8 @@ def with_cells_alike(scene: Scene) -> Scene:
     return scene.with_meshes(meshes)
 
 
-def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
-    """The mesh of one of several bodies, None: the only one; see ``load_mesh``."""
+def _load_one(scene: Scene, number: int | None, comm: MPI.Comm, halvings: int = 0) -> TaggedMesh:
+    """The mesh of one of several bodies, None: the only one; of a file with its sides halved that many times."""
     source: Any = scene.mesh if number is None else scene.body[number].mesh
     sizes = contact_sizes(scene, number)
     match source:
@@ -70,11 +68,9 @@ def _load_one(scene: Scene, number: int | None, comm: MPI.Comm) -> TaggedMesh:
             curved = scene.element.degree == 2 and source.drawn
             if number is not None and not source.drawn:
                 sizes = ()  # they are for the other body
-            tagged = load_file(source, comm, 0, 2 if curved else None, sizes)
+            tagged = load_file(source, comm, halvings, 2 if curved else None, sizes)
         case MeshGenerator(generator=name, parameters=parameters):
             tagged = generate_mesh(name, parameters, comm, sizes)
-        case _:
-            raise TypeError(f"no mesh: {source!r}")
     check_dimension(tagged, section=bool(scene.statement.kinematics.out_of_section))
     return tagged
 
@@ -92,20 +88,14 @@ def with_halved_bodies(scene: Scene, halvings: int, comm: MPI.Comm) -> Scene:
     """
     halved = []
     for number, mesh in enumerate(scene.meshes):
-        try:
+        with naming(number, scene.body[number]):
             if isinstance(mesh, MeshFile):
-                curved = scene.element.degree == 2 and mesh.drawn  # as without a given accuracy
-                sizes = contact_sizes(scene, number) if mesh.drawn else ()
-                mesh = load_file(mesh, comm, halvings, 2 if curved else None, sizes)
-            elif isinstance(mesh, TaggedMesh):
+                mesh = _load_one(scene, number, comm, halvings)
+            elif isinstance(mesh, MeshGenerator):
+                mesh = mesh.coarser(0.5**halvings)
+            else:
                 for _ in range(halvings):
                     mesh = refine(mesh)
-        except SceneError as error:
-            raise SceneError(in_body(number, error.problems)) from None
-        except MeshError as error:
-            raise MeshError(f"body {scene.body[number].name!r}: {error}") from None
-        if isinstance(mesh, MeshGenerator):
-            mesh = mesh.coarser(0.5**halvings)
         halved.append(mesh)
     contacts = with_larger_contact_sizes(scene.contact, 0.5**halvings)
     return scene.with_meshes(halved).model_copy(update={"contact": contacts})

@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import compat
+from signorini_fx.mechanics.mesh.bodies import naming
 from signorini_fx.mechanics.mesh.refinement import check_divisible
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature, load_file
 from signorini_fx.mechanics.statement.features import divisible
@@ -116,12 +117,10 @@ def scene_with(scene: Scene, tagged: TaggedMesh) -> Scene:
 
 def _planned_bodies(scene: Scene, goal: Accuracy) -> Plan:
     """All cells of all bodies become smaller together; those of generators with arcs are as for one body."""
-    for body in scene.body:
+    for number, body in enumerate(scene.body):
         if isinstance(body.mesh, TaggedMesh):
-            try:
+            with naming(number, body):
                 check_divisible(body.mesh)
-            except MeshError as error:
-                raise MeshError(f"body {body.name!r}: {error}") from None
     polygonal = not all(isinstance(mesh, MeshGenerator) or getattr(mesh, "drawn", False) for mesh in scene.meshes)
     return Plan(_curved(scene, goal), adaptive=False, polygonal=polygonal)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -33,12 +34,8 @@ def together(bodies: Sequence[Body], load: Callable[[int, MPI.Comm], TaggedMesh]
     """
 
     def of_body(number: int, ranks: MPI.Comm) -> MeshArrays:
-        try:
+        with naming(number, bodies[number]):
             return arrays_of(load(number, ranks))
-        except SceneError as error:
-            raise SceneError(in_body(number, error.problems)) from None
-        except MeshError as error:
-            raise MeshError(f"body {bodies[number].name!r}: {error}") from None
 
     # Meshes of the caller are on all ranks.
     given = {number: of_body(number, comm) for number, body in enumerate(bodies) if isinstance(body.mesh, TaggedMesh)}
@@ -95,9 +92,16 @@ def _origin(mesh: Any) -> dict[str, Any]:
             return dict(mesh.origin)
 
 
-def in_body(number: int, problems: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Problems of the mesh of one of several bodies: the keys of its table ``mesh`` are those of the body."""
-    return [(f"body[{number}].{path}" if path.startswith("mesh") else path, message) for path, message in problems]
+@contextmanager
+def naming(number: int, body: Body) -> Iterator[None]:
+    """Errors of the mesh of one of several bodies name it: the keys of a table ``mesh`` are those of the body."""
+    try:
+        yield
+    except SceneError as error:
+        paths = ((f"body[{number}].{path}" if path.startswith("mesh") else path) for path, _ in error.problems)
+        raise SceneError(list(zip(paths, (reason for _, reason in error.problems), strict=True))) from None
+    except MeshError as error:
+        raise MeshError(f"body {body.name!r}: {error}") from None
 
 
 def _check_alike(bodies: Sequence[Body], meshes: Sequence[MeshArrays]) -> None:
