@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -168,7 +168,7 @@ class _Names:
             raise DeckError(block, str(error)) from None
         count = 2 if "GENERATE" in block.parameters else _REFERRING.get(block.keyword, 0)
         rows = [[self.word(word, inside) for word in row[:count]] + row[len(row[:count]) :] for row in rows]
-        return block.changed(parameters, rows)
+        return replace(block, parameters=parameters, texts=[",".join(row) for row in rows])
 
 
 def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -152,8 +152,7 @@ class _Reader:
             case "SURFACE":
                 self._read_surface(block)
             case "BOUNDARY" | "CLOAD" | "DLOAD":
-                sets = (partial(self._member, of) for of in (self.node_sets, self.element_sets))
-                self.nodal_values += [(block, *group) for group in _given_alike(block, *sets)]
+                self.nodal_values += [(block, *group) for group in self._given_alike(block)]
             case "SYSTEM" if block.rows:
                 raise ValueError("coordinates are expected along x, y and z")
             case "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY":
@@ -219,6 +218,30 @@ class _Reader:
         if (members := sets.get(self._name(word))) is None:
             raise ValueError(f"set {word!r} does not exist")
         return members
+
+    def _given_alike(self, block: DeckBlock) -> list[tuple[Words, dict[Any, float]]]:
+        """The single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD, by what they are given."""
+        groups: dict[Words, dict[Any, float]] = {}
+        pressures: dict[Any, float] = {}  # of a face that is given several, their sum
+        for target, *words in block.rows:
+            match block.keyword:
+                case "BOUNDARY" if (number := number_of(target)) is not None and "FIXED" not in block.parameters:
+                    for component, value in components(words).items():
+                        if component not in ROTATIONS:
+                            groups.setdefault((str(component), "", repr(value)), {})[number] = value
+                case "CLOAD":
+                    value = real((*words, "0")[1])
+                    forces = groups.setdefault((words[0], ""), {})
+                    for node in plain(self._member(self.node_sets, target)):
+                        forces[node] = forces.get(node, 0.0) + value
+                case "DLOAD" if words and re.fullmatch(r"P\d", words[0].upper()):
+                    value = real((*words, "0")[1])
+                    for element in plain(self._member(self.element_sets, target)):
+                        face = element, int(words[0][1:])
+                        pressures[face] = pressures.get(face, 0.0) + value
+        for face, value in pressures.items():
+            groups.setdefault(("P", repr(value)), {})[face] = value
+        return list(groups.items())
 
     def _read_surface(self, block: DeckBlock) -> None:
         name, kind = self._name(block.parameters["NAME"]), block.parameters.get("TYPE", "ELEMENT").upper()
@@ -389,36 +412,7 @@ def read_model(file: Path) -> DeckModel:
     return model
 
 
-# --- nodes and faces that are given the same, and bodies --------------------------------------------------------------
-
-
-def _given_alike(
-    block: DeckBlock, nodes_of: Callable[[str], Ints], elements_of: Callable[[str], Ints]
-) -> list[tuple[Words, dict[Any, float]]]:
-    """The single nodes of *BOUNDARY, all nodes of *CLOAD and the faces of *DLOAD, by what they are given; ``nodes_of``:
-    the nodes of a set, or the one with a number.
-    """
-    groups: dict[Words, dict[Any, float]] = {}
-    pressures: dict[Any, float] = {}  # of a face that is given several, their sum
-    for target, *words in block.rows:
-        match block.keyword:
-            case "BOUNDARY" if (number := number_of(target)) is not None and "FIXED" not in block.parameters:
-                for component, value in components(words).items():
-                    if component not in ROTATIONS:
-                        groups.setdefault((str(component), "", repr(value)), {})[number] = value
-            case "CLOAD":
-                value = real((*words, "0")[1])
-                forces = groups.setdefault((words[0], ""), {})
-                for node in plain(nodes_of(target)):
-                    forces[node] = forces.get(node, 0.0) + value
-            case "DLOAD" if words and re.fullmatch(r"P\d", words[0].upper()):
-                value = real((*words, "0")[1])
-                for element in plain(elements_of(target)):
-                    face = element, int(words[0][1:])
-                    pressures[face] = pressures.get(face, 0.0) + value
-    for face, value in pressures.items():
-        groups.setdefault(("P", repr(value)), {})[face] = value
-    return list(groups.items())
+# --- bodies -----------------------------------------------------------------------------------------------------------
 
 
 def _bodies(

@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -57,12 +57,6 @@ class DeckBlock:
     def rows(self) -> Sequence[list[str]]:
         """The data lines, split at commas; empty words at the end of a line are left out."""
         return [split_words(line.strip()) for line in "\n".join(self.texts).split("\n") if line.strip()]
-
-    def changed(self, parameters: dict[str, str], rows: Sequence[list[str]]) -> DeckBlock:
-        """The same keyword with other parameters and data lines."""
-        block = replace(self, parameters=parameters)
-        block.__dict__["rows"] = rows
-        return block
 
     @property
     def place(self) -> str:
