@@ -145,20 +145,13 @@ class Deck:
 
     # --- names --------------------------------------------------------------------------------------------------------
 
-    @cached_property
-    def _labels(self) -> dict[str, dict[str, str]]:
-        """The names of the file by kind and by capitals, which the programs do not distinguish."""
-        kinds: dict[str, Iterable[str]] = {
-            "boundary": [label for label, facets in self.mesh.boundaries.items() if facets.size],
-            "surface": [label for label, faces in self.model.surfaces.items() if faces],
-            "region": self.mesh.regions,
-            "nodes": self.model.raw.node_sets,
-        }
-        return {kind: {label.upper(): label for label in reversed(list(names))} for kind, names in kinds.items()}
-
     def label(self, kind: str, name: str) -> str | None:
         """The name of a boundary, surface, region or set of nodes of the file, whatever its case."""
-        return self._labels[kind].get(name.upper())
+        of_body = {"boundary": self.mesh.boundaries, "region": self.mesh.regions}
+        named = {"surface": self.model.surfaces, "nodes": self.model.raw.node_sets, **of_body}[kind]
+        spelt = self.model.spelt.get(name.upper(), name)
+        empty = kind in ("boundary", "surface") and not len(named.get(spelt, ()))
+        return None if empty or spelt not in named else spelt
 
     def boundary(self, name: str) -> str | None:
         """The boundary of the mesh that a set or surface of the file is."""

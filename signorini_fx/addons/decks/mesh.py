@@ -110,6 +110,7 @@ class DeckModel:
     undefined: dict[str, int]  # name of a surface -> how many of its faces are those of no element of the body
     places: Numbering  # number of a node -> its row in the mesh
     surfaces: dict[str, list[tuple[int, int]]]  # name of a surface -> its elements, each with a face from 1 on
+    spelt: dict[str, str]  # names in capitals -> as they are written first
     # names of the parts that share no node, if there are several and the file gives nodes values
     bodies: tuple[str, ...]
 
@@ -298,7 +299,7 @@ class _Reader:
             members = node_rows.rows(nodes)
             node_sets[name] = members[members >= 0]
         raw = RawMesh(points, all_blocks, sets | named, node_sets)
-        return DeckModel(raw, blocks, groups, self.undefined, node_rows, self.surfaces, tuple(named))
+        return DeckModel(raw, blocks, groups, self.undefined, node_rows, self.surfaces, self.spelt, tuple(named))
 
     def _named_groups(self) -> dict[int, list[Group]]:
         """The groups by the numbers of their keywords; each is a set that the file names, or one that is added."""
