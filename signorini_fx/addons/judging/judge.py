@@ -330,14 +330,14 @@ class _Judging:
     def _compare(self, force: float) -> None:
         """Take what users look at, beside ours."""
         ours, finer, u = self.ours, self.finer, self.ours.displacement
-        changes = {"": (self.v - u, force)}
+        changes, own_force = {"": (self.v - u, force)}, ours.force()
         if finer is not None:
-            changes["_of_mesh"] = ours.on_finer(u) - finer.displacement, finer.own_force
+            changes["_of_mesh"] = ours.on_finer(u) - finer.displacement, finer.force()
         for suffix, (away, pressed) in changes.items():
             largest = np.linalg.norm(away, axis=1).max()
             self.beside["displacement" + suffix] = float(largest / np.linalg.norm(u, axis=1).max())
-            if ours.own_force > 0:
-                self.beside["force" + suffix] = abs(pressed - ours.own_force) / ours.own_force
+            if own_force > 0:
+                self.beside["force" + suffix] = abs(pressed - own_force) / own_force
         said = []
         for key, word in (("displacement", "displacement"), ("force", "contact force")):
             if key in self.beside:

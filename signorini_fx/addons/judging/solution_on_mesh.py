@@ -173,16 +173,11 @@ class SolutionOnMesh:
             last = PreviousStep.of(steps[-2].displacement, Tractions.of(steps[-2].contact), law, None)
         return solution.model.certified(u, tractions, law=law, step=steps[-1].place, last=last, rigid=())
 
-    @property
-    def own_force(self) -> float:
-        """Ours at the contact points, force."""
-        assert self.solution.contact is not None
-        return self.force(Tractions.of(self.solution.contact))
-
-    def force(self, tractions: Tractions) -> float:
-        """The sum of what presses at the contact points, force."""
-        assert self.solution.contact is not None
-        return float(self.solution.contact.boundary.weight @ tractions.pressure)
+    def force(self, tractions: Tractions | None = None) -> float:
+        """The sum of what presses at the contact points, of ours without tractions, force."""
+        contact = self.solution.contact
+        assert contact is not None
+        return float(contact.boundary.weight @ (tractions or Tractions.of(contact)).pressure)
 
 
 def _solved(problem: JudgedProblem, mesh: TaggedMesh, **entries: Any) -> Solution:
