@@ -1,8 +1,5 @@
 """The scene: its effects and their data.  No mesh, no forms; nothing here imports dolfinx.
 
-A scene is read from a TOML file (``read_scene``) or built in Python (``Scene(...)``), and validated in the same way:
-unknown keys are refused, and all errors are reported at once, each with its path.
-
 A *value* is a number, an expression of ``x[0]``, ``x[1]`` and, in 3D, ``x[2]`` (``expressions.Expression``), or in
 Python also a callable ``f(x)`` that maps points of shape (3, n) to values of shape (n,), or (tractions and body forces)
 a UFL expression.

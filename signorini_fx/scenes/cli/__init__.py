@@ -97,7 +97,9 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
         code = run(comm)
         return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
     except SignoriniError as error:  # these are raised on all ranks
-        _forget_petsc_options()
+        if (petsc := sys.modules.get("petsc4py.PETSc")) is not None:  # at its end it lists unused options, and obeys
+            for name in petsc.Options().getAll():
+                petsc.Options().delValue(name)
         if isinstance(error, SceneError) and source is not None:
             error = error.of(source)
         return _complain(error) if comm.rank == 0 else EXIT_BAD_INPUT
@@ -114,16 +116,6 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
         return end(EXIT_CRASH)
     finally:
         signal.signal(signal.SIGTERM, handler)
-
-
-def _forget_petsc_options() -> None:
-    """At its end PETSc lists unused options and obeys others; this is switched off after an earlier error."""
-    if "petsc4py.PETSc" in sys.modules:
-        from petsc4py import PETSc
-
-        options = PETSc.Options()
-        for name in options.getAll():
-            options.delValue(name)
 
 
 def _explained(error: Exception) -> object:
