@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,13 +11,12 @@ import numpy as np
 from mpi4py import MPI
 
 from signorini_fx.addons.decks.draft import draft
-from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
 from signorini_fx.mechanics.mesh.files.cells import Floats, Ints
 from signorini_fx.mechanics.mesh.halving import quadratic
 from signorini_fx.mechanics.mesh.tagged import arrays_of, check_fits
 from signorini_fx.scenes.mesh import load_mesh
-from signorini_fx.scenes.reading import as_scene, read_scene
+from signorini_fx.scenes.reading import as_scene, parse_scene_text
 from signorini_fx.scenes.scene import Scene
 
 
@@ -82,13 +80,6 @@ def judged_problem(problem: object) -> JudgedProblem:
 
 
 def _of_deck(file: Path) -> JudgedProblem:
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / f"{file.stem}.toml"
-        drafted = draft(file, target)
-        target.write_text(drafted.text, encoding="utf-8")
-        try:
-            scene = read_scene(target)
-        except SceneError as error:
-            raise error.of(file) from None
-    deck = drafted.deck
+    drafted = draft(file, file)
+    scene, deck = parse_scene_text(drafted.text, file), drafted.deck
     return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period)
