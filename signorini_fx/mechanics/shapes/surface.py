@@ -31,8 +31,8 @@ class ClosedSurface(Shape):
     size: Positive | None = None
     scale: Positive = 1.0
 
-    def contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
-        yield from super().contradictions(dimension)
+    def contradictions(self, dimension: int, *, turns: bool = True) -> Iterator[tuple[str, str]]:
+        yield from super().contradictions(dimension, turns=turns)
         try:
             file_dimension = self._surface.dimension
         except (MeshError, SceneError) as error:

@@ -60,15 +60,18 @@ class Table(BaseModel, metaclass=_OwnErrors):
         for name in type(self).model_fields:
             yield name, getattr(self, name)
 
+    # Keys whose values are asked at a time where they are used.
+    asked_later: ClassVar[tuple[str, ...]] = ()
+
     @property
     def timed(self) -> bool:
-        """Whether one of its values depends on the time t: an expression, a shape or a friction law."""
-        return any(getattr(value, "timed", False) for _, value in self)
+        """Whether one of its values depends on the time t: an expression, a vector, a shape or a friction law."""
+        return any(_timed(value) for key, value in self if key not in self.asked_later)
 
     def at_time(self, time: float) -> Self:
         """The same with its values at a time; itself if none depends on it."""
-        moved = {key: value.at_time(time) for key, value in self if getattr(value, "timed", False)}
-        return self.model_copy(update=moved) if moved else self
+        timed = [key for key, value in self if key not in self.asked_later and _timed(value)]
+        return self.model_copy(update={key: at_time(getattr(self, key), time) for key in timed}) if timed else self
 
     def remade(self, **changes: Any) -> Self:
         """The same with other entries of some keys, all validated anew."""
@@ -91,6 +94,17 @@ class Table(BaseModel, metaclass=_OwnErrors):
         for name in copy.__dict__.keys() - fields.keys():  # what a cached property has made of the old values
             del copy.__dict__[name]
         return copy
+
+
+def _timed(value: Any) -> bool:
+    return any(map(_timed, value)) if isinstance(value, tuple) else getattr(value, "timed", False)
+
+
+def at_time(value: Any, time: float) -> Any:
+    """A value, or each of several, at a time, if it depends on it."""
+    if isinstance(value, tuple):
+        return tuple(at_time(entry, time) for entry in value)
+    return value.at_time(time) if _timed(value) else value
 
 
 def refused(table: str, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> ValidationError:

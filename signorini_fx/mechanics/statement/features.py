@@ -123,9 +123,8 @@ def _everywhere(statement: Any, dimension: int) -> Iterator[tuple[str, str]]:
             yield ".".join((f"material[{index}]", *map(str, path))), reason
     for index, effect in enumerate(statement.contact):
         if effect.foundation is not None:
-            turns = statement.kinematics.unbalanced[-1]
-            turning = effect.foundation.turning_contradictions(dimension) if turns else ()
-            for key, reason in (*effect.foundation.contradictions(dimension), *turning):
+            turns = bool(statement.kinematics.unbalanced[-1])
+            for key, reason in effect.foundation.contradictions(dimension, turns=turns):
                 yield f"contact[{index}].foundation.{key}", reason
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import AfterValidator
 
-from signorini_fx.mechanics.statement.base import Table
+from signorini_fx.mechanics.statement.base import Table, at_time
 from signorini_fx.mechanics.statement.expressions import Expression, number
 from signorini_fx.mechanics.statement.values import NonNegative, TimedSampledValue, shown
 
@@ -169,4 +169,4 @@ def entries_of(value: Any) -> tuple[Any, ...]:
 
 
 def _at(value: Any, time: float) -> float:
-    return number(value.at_time(time) if isinstance(value, Expression) else value)
+    return number(at_time(value, time))

@@ -19,7 +19,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -28,14 +28,13 @@ from pydantic import BaseModel, BeforeValidator, TypeAdapter, ValidationError, W
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
 from signorini_fx.mechanics.statement.base import problems_of, refused
-from signorini_fx.mechanics.statement.expressions import Expression, number, sample
+from signorini_fx.mechanics.statement.expressions import number, sample
 from signorini_fx.mechanics.statement.rigid_motion import (
     COMPONENTS,
     MESH_IS,
     RigidMotion,
     TimedAngle,
     TimedVector,
-    entries_of,
 )
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
 from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
@@ -135,6 +134,7 @@ class Shape(Placed, RigidMotion):
 
     # The dimensions of space in which there is such a shape.
     exists_in: ClassVar[tuple[int, ...]] = (2, 3)
+    asked_later: ClassVar[tuple[str, ...]] = ("force", "moment", "prescribed")
 
     shape: str
     hollow: bool = False
@@ -162,35 +162,16 @@ class Shape(Placed, RigidMotion):
         """``distance`` before the shape is turned and moved, not hollow."""
         raise NotImplementedError
 
-    def contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
-        """Keys that do not fit the dimension of the mesh, and why."""
-        where = MESH_IS[dimension]
+    def contradictions(self, dimension: int, *, turns: bool = True) -> Iterator[tuple[str, str]]:
+        """Keys that do not fit the dimension of the mesh, or are missing where a driven shape may turn, and why."""
         if dimension not in self.exists_in:
-            yield "shape", f"{where}: there is no {self.shape}"
+            yield "shape", f"{MESH_IS[dimension]}: there is no {self.shape}"
             return
         yield from self.placing_contradictions(dimension)
         yield from self.motion_contradictions(dimension)
-
-    def turning_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
-        """Keys that are missing where it may turn, and why."""
-        turns = any(self.prescribes(key) != 0.0 for key in COMPONENTS[dimension][dimension:])
+        turns = turns and any(self.prescribes(key) != 0.0 for key in COMPONENTS[dimension][dimension:])
         if self.drives and self.pivot is None and turns:
             yield "pivot", "give the point where the force acts, about which the foundation turns"
-
-    @property
-    def timed(self) -> bool:
-        """Whether it moves with the time."""
-        return any(isinstance(entry, Expression) for entry in (*(self.shift or ()), *entries_of(self.rotation)))
-
-    def at_time(self, time: float) -> Self:
-        """The same where it is at a time."""
-
-        def at(value: Any) -> Any:
-            if isinstance(value, tuple):
-                return tuple(map(at, value))
-            return value.at_time(time) if isinstance(value, Expression) else value
-
-        return self.model_copy(update={"shift": at(self.shift), "rotation": at(self.rotation)}) if self.timed else self
 
     def reference(self, dimension: int) -> Array:
         """Where its pivot is, length, shape (d,)."""
@@ -265,10 +246,8 @@ def distance_from(source: Any, dimension: int, *, turns: bool = True) -> Distanc
         raise SceneError(problems_of(error, source, shape_class(source["shape"]))) from None
     except ValueError as error:
         raise SceneError([("", str(error))]) from None
-    if isinstance(shape, Shape):
-        problems = [*shape.contradictions(dimension), *(shape.turning_contradictions(dimension) if turns else ())]
-        if problems:
-            raise SceneError(problems)
+    if isinstance(shape, Shape) and (problems := list(shape.contradictions(dimension, turns=turns))):
+        raise SceneError(problems)
     return Distance(shape, 0.0, dimension)
 
 
