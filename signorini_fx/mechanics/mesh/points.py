@@ -42,16 +42,13 @@ def at_points(
         x: the points that this rank asks for, shape (n, 3), length.
         outside: how far outside a cell a point may be, in sizes of the cell.
         evaluate: gives a row for each of m owned cells, shape (m,), and place in the reference cell, shape (m, d); rows
-            have the same length on all ranks.  Not called where there are no cells.
+            have the same length on all ranks.  Not called where there are no cells; it may not fail on one rank alone.
         pieces: the pieces that the points, shape (n,), and the cells of this rank, shape (cells,), are of, which must
             be the same; None: any cell will do.
 
     Returns:
         The rows, shape (n, length of a row), or (0, 0) without points; None on all ranks: some point of some rank is
         outside of all cells.
-
-    Raises:
-        Exception: what ``evaluate`` raised on any rank, on all ranks.
     """
     comm, dim = mesh.comm, mesh.topology.dim
     nodes = _nodes(mesh)
@@ -63,19 +60,13 @@ def at_points(
     ]
     received = comm.alltoall([x[points] for points in asked])
     of = None if pieces is None else (np.concatenate(comm.alltoall([pieces[0][points] for points in asked])), pieces[1])
-    answers: list[Any] = []
-    failure: Exception | None = None
-    try:
-        cells, reference, gap = cells_of_points(mesh, np.concatenate(received), outside, of)
-        hits = np.flatnonzero(cells >= 0)
-        values = evaluate(cells[hits], reference[hits]) if hits.size else np.empty((0, 0))
-        ends = np.cumsum([0, *(len(points) for points in received)])
-        for begin, end in pairwise(ends):
-            share = slice(*np.searchsorted(hits, (begin, end)))
-            answers.append((hits[share] - begin, gap[hits[share]], values[share]))
-    except Exception as error:
-        failure = error
-    parallel.raise_together(comm, failure)
+    cells, reference, gap = cells_of_points(mesh, np.concatenate(received), outside, of)
+    hits = np.flatnonzero(cells >= 0)
+    values = evaluate(cells[hits], reference[hits]) if hits.size else np.empty((0, 0))
+    answers = []
+    for begin, end in pairwise(np.cumsum([0, *(len(points) for points in received)])):
+        share = slice(*np.searchsorted(hits, (begin, end)))
+        answers.append((hits[share] - begin, gap[hits[share]], values[share]))
     replies = comm.alltoall(answers)
     least, rows = np.full(len(x), np.inf), np.empty((len(x), max(values.shape[1] for *_, values in replies)))
     for points, (hits, gap, values) in zip(asked, replies, strict=True):
