@@ -61,7 +61,7 @@ def _refuse_short(sizes: Sizes, fine: float) -> None:
 
 def mesh_surface(
     drawing: Drawing,
-    bodies: Iterable[int],
+    bodies: Sequence[int],
     boundaries: Mapping[str, Sequence[int]],
     sizes: Sizes,
     *,
@@ -88,19 +88,16 @@ def mesh_surface(
     _refuse_short(sizes, max(sizes.reach, sizes.zone) if curves else sizes.zone)
     gmsh, unit = drawing.gmsh, drawing.unit
     geo, fields = gmsh.model.geo, gmsh.model.mesh.field
-    surfaces = list(bodies)
     if cell == "quadrilateral":
-        for body in surfaces:
+        for body in bodies:
             geo.mesh.setRecombine(2, body)
     geo.synchronize()
     # A subdivision of all cells makes a pure quadrilateral mesh of facets half as long.
     stretch = 2.0 if cell == "quadrilateral" else 1.0
     distance, threshold = fields.add("Distance"), fields.add("Threshold")
-    if points:
-        fields.setNumbers(distance, "PointsList", list(points))
-    if curves:
-        fields.setNumbers(distance, "CurvesList", list(curves))
-        fields.setNumber(distance, "Sampling", 200)
+    fields.setNumbers(distance, "PointsList", list(points))
+    fields.setNumbers(distance, "CurvesList", list(curves))
+    fields.setNumber(distance, "Sampling", 200)
     settings = {
         "InField": distance,
         "SizeMin": stretch * min(sizes.near, sizes.far) / unit,
@@ -117,7 +114,7 @@ def mesh_surface(
         gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1)
         # Triangles stay until then where the quadrilateral would be flat, as in the rounding of a fillet.
         gmsh.option.setNumber("Mesh.RecombineMinimumQuality", 0.3)
-    gmsh.model.addPhysicalGroup(2, surfaces, name="body")
+    gmsh.model.addPhysicalGroup(2, list(bodies), name="body")
     for name, tags in boundaries.items():
         gmsh.model.addPhysicalGroup(1, list(tags), name=name)
     gmsh.model.mesh.generate(2)

@@ -10,8 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, plain, row_keys, sides_of
-from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, measures
+from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, bounds, extent, row_keys, sides_of
+from signorini_fx.mechanics.mesh.files.cells import Ints, measures
 from signorini_fx.tuned import NOTHING_LEFT
 
 # The names of the size of the body and of its boundaries, by dimension.
@@ -25,8 +25,8 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
         each), ``area``, in 3D ``volume``, with curved sides where they are; ``pieces`` (parts of the body that share no
         facet), ``coincident`` (points at the place of another one); ``boundaries`` and ``unnamed`` (exterior facets
-        without a name) with ``facets``, ``bounds`` and ``length``, in 3D ``area``; ``regions`` and ``rest`` (cells
-        without a name) with ``cells`` and ``area``, in 3D ``volume``.
+        without a name) with ``facets``, ``bounds`` and ``length``, in 3D ``area``; ``regions`` with ``cells`` and
+        ``area``, in 3D ``volume``.
     """
     size, areas = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
     measure, of_facets = _MEASURES[mesh.dim]
@@ -34,34 +34,24 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
 
     def facets(rows: Ints) -> dict[str, Any]:
         figures: dict[str, Any] = {"facets": len(rows), of_facets: float(areas[rows].sum())}
-        return figures | ({"bounds": _bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
+        return figures | ({"bounds": bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
 
-    def cells(rows: Ints) -> dict[str, Any]:
-        return {"cells": len(rows), measure: float(size[rows].sum())}
-
+    named = np.concatenate([np.empty(0, dtype=np.int64), *mesh.boundaries.values()])
     return {
         "cells": len(mesh.cells),
         "kind": mesh.cell.word,
         "degree": mesh.degree,
         "points": len(mesh.points),
-        "bounds": _bounds(mesh.points),
+        "bounds": bounds(mesh.points),
         measure: float(size.sum()),
         "pieces": _pieces(mesh),
         "coincident": len(np.unique(cKDTree(mesh.points).query_pairs(NOTHING_LEFT * diagonal, output_type="ndarray"))),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
-        "unnamed": facets(_without(mesh.boundaries, len(mesh.facets))),
-        "regions": {name: cells(rows) for name, rows in mesh.regions.items()},
-        "rest": cells(_without(mesh.regions, len(mesh.cells))),
+        "unnamed": facets(np.setdiff1d(np.arange(len(mesh.facets)), named)),
+        "regions": {
+            name: {"cells": len(rows), measure: float(size[rows].sum())} for name, rows in mesh.regions.items()
+        },
     }
-
-
-def _bounds(points: Floats) -> list[list[float]]:
-    bounds: list[list[float]] = plain(np.stack((points.min(axis=0), points.max(axis=0))))
-    return bounds
-
-
-def _without(named: Mapping[str, Ints], count: int) -> Ints:
-    return np.setdiff1d(np.arange(count), np.concatenate([np.empty(0, dtype=np.int64), *named.values()]))
 
 
 def _pieces(mesh: MeshArrays) -> int:
@@ -83,7 +73,7 @@ def render(info: Mapping[str, Any], name: str) -> str:
     degree = f", geometry of degree {info['degree']}" if info["degree"] > 1 else ""
     lines.append(f"{name}: {info['cells']} {info['kind']}, {info['points']} points{degree}")
     measure = "volume" if "volume" in info else "area"
-    row("extent", f"{_extent(info['bounds'])}; {measure} {info[measure]:g}")
+    row("extent", f"{extent(info['bounds'])}; {measure} {info[measure]:g}")
     if info["pieces"] > 1:
         shared = "face" if "volume" in info else "side"
         row("pieces", f"{info['pieces']} parts of the body share no {shared}: each must be held by itself")
@@ -97,8 +87,6 @@ def render(info: Mapping[str, Any], name: str) -> str:
             row(title, "none")
     if info["unnamed"]["facets"]:
         row("unnamed", f"{'exterior facets':16s} {_amount(info['unnamed'])}")
-    if info["rest"]["cells"] and info["regions"]:
-        row("unnamed", f"{'cells':16s} {_amount(info['rest'])}")
     return "\n".join(lines)
 
 
@@ -108,8 +96,4 @@ def _amount(entry: Mapping[str, Any]) -> str:
         return f"{entry['cells']} cells, {size}"
     if not entry["facets"]:
         return "no facets"
-    return f"{entry['facets']} facets, {size}, {_extent(entry['bounds'])}"
-
-
-def _extent(bounds: list[list[float]]) -> str:
-    return ", ".join(f"x[{k}] {low:g} to {high:g}" for k, (low, high) in enumerate(zip(*bounds, strict=True)))
+    return f"{entry['facets']} facets, {size}, {extent(entry['bounds'])}"

@@ -366,14 +366,14 @@ def _meshtags(mesh: dmesh.Mesh, dim: int, nodes: Ints, values: npt.NDArray[np.in
 
 def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     """All cells and names of a mesh on the first rank, none on the others, if its degree is at most 2; collective."""
-    from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, rows_of, sides_of
+    from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
     from signorini_fx.mechanics.mesh.files.cells import CELLS, kind_of_mesh
 
     mesh, comm, dim = tagged.mesh, tagged.mesh.comm, tagged.dimension
     kind, nodes = kind_of_mesh(mesh), mesh.geometry.index_map()
     if kind is None:
         raise MeshError("the geometry of its cells has a degree above 2: give it one of 1 or 2")
-    corners, count = len(CELLS[kind.facet].corners), mesh.topology.index_map(dim).size_local
+    width, count = len(CELLS[kind.facet].nodes), mesh.topology.index_map(dim).size_local
     cells = _global_nodes(mesh, compat.geometry_cells(mesh)[:count])
     parts: Ints = np.empty((0, 2), dtype=np.int64)
     if tagged.cell_tags is not None:
@@ -384,19 +384,16 @@ def arrays_of(tagged: TaggedMesh) -> MeshArrays:
     entities = tagged.facet_tags.indices[owned]
     mesh.topology.create_connectivity(dim - 1, dim)
     # dolfinx divides by the number of entities, and a rank may have none.
-    rows = dmesh.entities_to_geometry(mesh, dim - 1, entities) if entities.size else np.empty((0, corners), np.int32)
-    facets = np.column_stack((_global_nodes(mesh, rows)[:, :corners], tagged.facet_tags.values[owned]))
+    rows = dmesh.entities_to_geometry(mesh, dim - 1, entities) if entities.size else np.empty((0, width), np.int32)
+    facets = np.column_stack((_global_nodes(mesh, rows), tagged.facet_tags.values[owned]))
     points = parallel.rows_on_root(comm, mesh.geometry.x[: nodes.size_local, :dim].astype(np.float64))
     cells, parts, facets = (parallel.rows_on_root(comm, table) for table in (cells, parts, facets.astype(np.int64)))
-    sides = sides_of(cells, kind)
     return MeshArrays(
         points=points,
         kind=kind.kind,
         cells=cells,
-        facets=sides[rows_of(facets[:, :corners], sides[:, :corners])],
-        boundaries={
-            name: np.flatnonzero(np.isin(facets[:, corners], tags)) for name, tags in tagged.boundaries.items()
-        },
+        facets=facets[:, :width],
+        boundaries={name: np.flatnonzero(np.isin(facets[:, width], tags)) for name, tags in tagged.boundaries.items()},
         regions={name: np.sort(parts[np.isin(parts[:, 1], tags), 0]) for name, tags in tagged.regions.items()},
         astray=tagged.left_out,
     )

@@ -178,9 +178,5 @@ def _in_body(name: str, body: Any) -> str:
 
 def with_larger_contact_sizes(contacts: tuple[Any, ...], factor: float) -> tuple[Any, ...]:
     """Contacts whose facets are ``factor`` times as long."""
-    return tuple(
-        contact
-        if contact.contact_size is None
-        else contact.model_copy(update={"contact_size": factor * contact.contact_size})
-        for contact in contacts
-    )
+    sizes = (contact.contact_size and factor * contact.contact_size for contact in contacts)
+    return tuple(c.model_copy(update={"contact_size": size}) for c, size in zip(contacts, sizes, strict=True))

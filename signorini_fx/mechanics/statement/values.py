@@ -139,9 +139,8 @@ def _not_zero(vector: tuple[float, ...]) -> tuple[float, ...]:
     return vector
 
 
-NOT_ZERO = AfterValidator(_not_zero)
 Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3)]
-Direction = Annotated[Vector, NOT_ZERO]
+Direction = Annotated[Vector, AfterValidator(_not_zero)]
 Automatic = Positive | Literal["auto"]
 
 

@@ -21,7 +21,7 @@ from signorini_fx.mechanics.mesh.files.cells import (
     family,
     order_in,
 )
-from signorini_fx.mechanics.statement.expressions import Expression
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, sample
 from signorini_fx.tuned import LARGEST_NUMBER
 
 # A boundary or region is selected by numbers in the cell data of the file, or by a rule, a function of the position.
@@ -31,6 +31,17 @@ Selection = int | tuple[int, ...] | Callable[[Floats], Floats]
 def plain(values: npt.NDArray[Any]) -> Any:
     """An array as lists of Python numbers."""
     return values.tolist()
+
+
+def bounds(points: Floats) -> list[list[float]]:
+    """The smallest and the largest coordinates."""
+    found: list[list[float]] = [plain(points.min(axis=0)), plain(points.max(axis=0))]
+    return found
+
+
+def extent(ends: list[list[float]]) -> str:
+    """The same in words."""
+    return ", ".join(f"x[{k}] {low:g} to {high:g}" for k, (low, high) in enumerate(zip(*ends, strict=True)))
 
 
 @dataclass
@@ -66,9 +77,7 @@ class Numbering:
 
 def row_keys(rows: Ints) -> Ints:
     """One number for each row: two rows have the same if they hold the same numbers, -1 or more, in any order."""
-    ordered = 1 + (
-        np.column_stack((np.minimum(*rows.T), np.maximum(*rows.T))) if rows.shape[1] == 2 else np.sort(rows, axis=1)
-    )
+    ordered = 1 + np.sort(rows, axis=1)
     largest = int(ordered.max(initial=0)) + 1
     keys: Ints = ordered[:, 0]
     for column in ordered.T[1:]:  # renumbered each time, so that the product of two counts does not overflow
@@ -166,16 +175,17 @@ def from_raw(
     corners = cells[:, : len(cell.corners)]
     check_shape(points, cells, cell, name)
     width = len(CELLS[cell.facet].corners)
-    exterior = _exterior(cells, cell, name)
+    all_sides = sides_of(cells, cell)
+    exterior = _exterior(all_sides, width, name)
     named = [n for n, (k, _) in enumerate(raw.blocks) if family(k) == family(cell.facet)]
     facet_tables = [renumber[raw.blocks[n][1][:, :width]] for n in named]
     named_facets = np.concatenate([np.empty((0, width), dtype=np.int64), *facet_tables])
-    facets = np.concatenate((exterior, _inside(named_facets, sides_of(cells, cell), exterior)))
+    facets = np.concatenate((exterior, _inside(named_facets, all_sides, exterior)))
     of_facets, corners_of_sides = rows_of(named_facets, facets[:, :width]), exterior[:, :width]
     sides = _entities(raw, "boundaries", "exterior facet", corners_of_sides, named, of_facets)
     parts = _entities(raw, "regions", "cell", corners, body, np.arange(len(cells)))
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
-    names, names_of_parts = _from_nodes(raw, renumber, len(points), sides.nodes), dict[str, Ints]()
+    names, names_of_parts = _from_nodes(raw, renumber, sides.nodes), dict[str, Ints]()
     astray: dict[str, int] = {}
     problems: list[tuple[str, str]] = []
     for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
@@ -195,12 +205,8 @@ def from_raw(
             elif isinstance(selection, Expression) and selection.coordinates > cell.dim:
                 selected, message = corners[:0, 0], f"{name}: the mesh is plane: there is no x[2]"
             else:
-                selected = np.flatnonzero(_holds(selection, points)[entities.nodes].all(axis=1))
-                extents = ", ".join(
-                    f"x[{k}] {low:.6g} to {high:.6g}"
-                    for k, (low, high) in enumerate(zip(points.min(axis=0), points.max(axis=0), strict=True))
-                )
-                message = f"{name}: selects no {entities.word}; the body is {extents}"
+                selected = np.flatnonzero((sample(selection, in_space(points)) > 0)[entities.nodes].all(axis=1))
+                message = f"{name}: selects no {entities.word}; the body is {extent(bounds(points))}"
             result[label] = selected
             if not selected.size:
                 problems.append((f"mesh.{entities.key}.{label}", message))
@@ -249,17 +255,12 @@ def _by_number(elements: list[Ints], numbers: list[Ints]) -> dict[int, Ints]:
     return {value: part for value, part in zip(plain(found), parts, strict=False) if value >= 0}
 
 
-def _from_nodes(raw: RawMesh, renumber: Ints, count: int, corners: Ints) -> dict[str, Ints]:
+def _from_nodes(raw: RawMesh, renumber: Ints, corners: Ints) -> dict[str, Ints]:
     """Boundaries that are sets of nodes: the exterior facets with all corners in it."""
-    named: dict[str, Ints] = {}
-    for label, nodes in raw.node_sets.items():
-        marked = np.zeros(count + 1, dtype=bool)  # the last one is for points that no cell uses
-        marked[renumber[nodes]] = True
-        marked[-1] = False
-        facets = np.flatnonzero(marked[corners].all(axis=1))
-        if facets.size:
-            named[label] = facets
-    return named
+    sets = {
+        label: np.flatnonzero(np.isin(corners, renumber[nodes]).all(axis=1)) for label, nodes in raw.node_sets.items()
+    }
+    return {label: facets for label, facets in sets.items() if facets.size}
 
 
 def _no_number(entities: _Entities, numbers: Mapping[int, Ints] | None, value: int, name: str) -> str:
@@ -286,17 +287,15 @@ def _body(raw: RawMesh, name: str) -> tuple[str, list[int]]:
         raise MeshError(
             f"{name}: the mesh has no cells: in gmsh, put the body into a physical group of dimension 2, or 3 in 3D"
         )
-    if len(sizes) > 1 or not {"wedge", "pyramid"}.isdisjoint(family(kind) for kind in sizes):
+    kind = next(iter(sizes))
+    if len(sizes) > 1 or (kind not in CELLS and completed(kind) is None):
         counts = ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items()))
         simplices = "tetrahedra" if solid else "triangles"
         raise MeshError(
-            f"{name}: a mesh has one kind of cell, no wedges and no pyramids, and this one has {counts}: {simplices} "
-            "are made of all by gmsh without Recombine, or from a file by ParaView's filter Tetrahedralize"
+            f"{name}: a mesh has one kind of cell of degree 1 or 2, no wedges and no pyramids, and this one has "
+            f"{counts}: {simplices} are made of all by gmsh without Recombine, or from a file by ParaView's filter "
+            "Tetrahedralize"
         )
-    (kind,) = sizes
-    if kind not in CELLS and completed(kind) is None:
-        known_kinds = ", ".join(k for k, cell in CELLS.items() if cell.dim == (3 if solid else 2))
-        raise MeshError(f"{name}: no element for cells of kind {kind}; use one of: {known_kinds}")
     return kind, [n for n, (k, _) in enumerate(raw.blocks) if k == kind]
 
 
@@ -346,20 +345,17 @@ def sides_of(cells: Ints, cell: Cell) -> Ints:
     return cells[:, cell.facet_nodes].reshape(-1, cell.facet_nodes.shape[1])
 
 
-def _exterior(cells: Ints, cell: Cell, name: str) -> Ints:
-    """The facets that belong to one cell only, in the order of the cells."""
-    facet_nodes = cell.facet_nodes
-    corners = facet_nodes[:, : len(CELLS[cell.facet].corners)]
-    keys = row_keys(cells[:, corners].reshape(-1, corners.shape[1]))
+def _exterior(sides: Ints, width: int, name: str) -> Ints:
+    """The sides with so many corners that belong to one cell only, in the order of the cells."""
+    keys = row_keys(sides[:, :width])
     counts = np.bincount(keys)
-    alone = np.flatnonzero(counts[keys] == 1)
+    alone = sides[counts[keys] == 1]
     hint = "gmsh's format 2.2 has cells twice where physical groups overlap: write 4.1"
     if counts.max() > 2:
         raise MeshError(f"{name}: a facet belongs to {counts.max()} cells ({hint})")
     if not alone.size:
         raise MeshError(f"{name}: the body has no boundary: every facet belongs to two cells ({hint})")
-    rows, sides = np.divmod(alone, len(facet_nodes))
-    return cells[rows[:, None], facet_nodes[sides]]
+    return alone
 
 
 def _inside(named: Ints, sides: Ints, exterior: Ints) -> Ints:
@@ -381,11 +377,3 @@ def _numbers(entities: _Entities, data: str | None, name: str) -> Mapping[int, I
         labels = ", ".join(map(repr, entities.data)) or "none"
         raise SceneError([("mesh.data", f"{name}: no cell data {data!r} of whole numbers; there are: {labels}")])
     return entities.data[data]
-
-
-def _holds(rule: Callable[[Floats], Floats], points: Floats) -> npt.NDArray[np.bool_]:
-    x = np.zeros((3, len(points)))
-    x[: points.shape[1]] = points.T
-    values = np.asarray(rule(x))
-    with np.errstate(invalid="ignore"):
-        return np.broadcast_to(values > 0, (len(points),))
