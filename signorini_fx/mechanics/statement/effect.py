@@ -75,19 +75,12 @@ class BodyCoefficients(Coefficients, Protocol):
 
 @dataclass(frozen=True)
 class SampledPoints:
-    """Points for pictures and bounds, ``Coefficients`` as arrays.
+    """Points for pictures and bounds, ``Coefficients`` as arrays."""
 
-    Attributes:
-        position: length, shape (d, n).
-        normal: outward unit normals, shape (d, n), or zero, which leaves pressures out.
-        total: from an effect to the integral of its ``spread``.
-        density: of the material, mass per volume, shape (n,), or one for all.
-    """
-
-    position: Array
-    normal: Array
-    total: Callable[[Any], float]
-    density: Any = 0.0
+    position: Array  # length, shape (d, n)
+    normal: Array  # outward unit normals, shape (d, n), or zero, which leaves pressures out
+    total: Callable[[Any], float]  # from an effect to the integral of its ``spread``
+    density: Any = 0.0  # of the material, mass per volume, shape (n,), or one for all
 
     def value(self, value: Any) -> Array:
         """Shape (n,); zero of expressions of UFL, which only a compiled form could evaluate."""
@@ -106,12 +99,9 @@ def is_zero(*values: Any) -> bool:
 
 
 class Effect(Table):
-    """An entry of a scene.
+    """An entry of a scene."""
 
-    Attributes:
-        refuses: of its features, by their names, those that do not go together with each, and why.
-    """
-
+    # Of its features, by their names, those that do not go together with each, and why.
     refuses: ClassVar[Mapping[str, Mapping[str, str]]] = {}
 
     # The key of its entries, where the name of the class is another one.

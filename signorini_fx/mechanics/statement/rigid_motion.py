@@ -93,8 +93,8 @@ class RigidMotion(Table):
         moment = entries_of(self.moment) or (0.0,) * (2 * dimension - 3)
         motion = map(self.prescribes, COMPONENTS[dimension])
         return (
-            np.array([_at(value, time) for value in (*force, *moment)]),
-            np.array([np.nan if value is None else _at(value, time) for value in motion]),
+            np.array([number(at_time(value, time)) for value in (*force, *moment)]),
+            np.array([np.nan if value is None else number(at_time(value, time)) for value in motion]),
         )
 
     def stiffness(self, dimension: int) -> Array:
@@ -166,7 +166,3 @@ def driven_twice(shapes: Sequence[Any], number: int) -> str:
 def entries_of(value: Any) -> tuple[Any, ...]:
     """The components of a vector, or a number as its only one; None: none."""
     return () if value is None else value if isinstance(value, tuple) else (value,)
-
-
-def _at(value: Any, time: float) -> float:
-    return number(at_time(value, time))

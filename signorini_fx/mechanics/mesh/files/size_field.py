@@ -105,22 +105,19 @@ def with_sizes(
 
 
 def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
-    """The lengths that cells have, at each corner the mean of the edges around it; at some boundaries shorter, and from
-    there on no more than ``SIZE_GROWTH`` per length larger.
+    """The lengths that straight cells have, at each corner the mean of the edges around it; at some boundaries shorter,
+    and from there on no more than ``SIZE_GROWTH`` per length larger.
     """
     from scipy.spatial import cKDTree
 
-    used, corners = np.unique(mesh.corners, return_inverse=True)
-    cells, points = corners.reshape(mesh.corners.shape), mesh.points[used]
-    ends = np.concatenate([cells[:, pair] for pair in mesh.cell.edges])
+    points, ends = mesh.points, np.concatenate([mesh.cells[:, pair] for pair in mesh.cell.edges])
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
-    total = np.bincount(ends.ravel(), np.repeat(lengths, 2), minlength=used.size)
-    sizes = total / np.bincount(ends.ravel(), minlength=used.size)
+    sizes = np.bincount(ends.ravel(), np.repeat(lengths, 2)) / np.bincount(ends.ravel())
     for size in wanted:
         facets = np.unique(mesh.facet_corners[mesh.boundaries[size.boundary]])
-        distance, _ = cKDTree(mesh.points[facets]).query(points)
+        distance, _ = cKDTree(points[facets]).query(points)
         sizes = np.minimum(sizes, size.size + SIZE_GROWTH * distance)
-    return SizeField(points, cells, sizes)
+    return SizeField(points, mesh.cells, sizes)
 
 
 def _longest_edges(mesh: MeshArrays, boundary: str) -> Floats:
