@@ -23,7 +23,7 @@ def mesh_of(dimension):
 def test_a_circle_is_a_closed_line_of_its_length(hollow):
     """The body, outside or inside, is on the left of the line; what is added to the gap takes the line nearer."""
     shape = {"shape": "circle", "centre": [0.5, 0.5], "radius": RADIUS, "hollow": hollow}
-    (line,) = lines_of([distance_from(shape, 2)], mesh_of(2))
+    (line,) = lines_of(distance_from(shape, 2), mesh_of(2))
     np.testing.assert_allclose(np.linalg.norm(line - 0.5, axis=1), RADIUS, rtol=1e-4)
     np.testing.assert_array_equal(line[0], line[-1])
     x, y = (line - 0.5).T

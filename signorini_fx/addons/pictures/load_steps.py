@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
@@ -21,6 +19,7 @@ from signorini_fx.addons.pictures.style import (
     ORANGE,
     RULE,
     STYLE,
+    Floats,
     decimal_power,
     largest_of,
     plain,
@@ -29,8 +28,6 @@ from signorini_fx.addons.pictures.style import (
 from signorini_fx.machine.result_files import Table
 from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
-
-Floats = npt.NDArray[np.float64]
 
 _COLOURS = (INK, BLUE, ORANGE, "#009e73", "#cc79a7", MUTED)
 _NOUGHT = 1e-6  # of the largest force: components below are zero up to round-off, and are not shown
@@ -54,9 +51,9 @@ def load_steps(steps: Table, *, around: bool = False) -> Figure:
     ``steps``: columns of ``steps.csv``; ``around``: whether the body is one of revolution, where radial forces
     cancel each other.
     """
-    solved = np.asarray(steps["status"]) == Status.CONVERGED.value
+    solved = steps["status"] == Status.CONVERGED.value
     if solved.any():  # the figures of a step without a solution mean nothing
-        steps = {name: np.asarray(column)[solved] for name, column in steps.items()}
+        steps = {name: column[solved] for name, column in steps.items()}
     # What the names of the columns of each boundary end with.
     ends = [name.removeprefix("contact_force_x") for name in steps if name.startswith("contact_force_x")]
     axes = "y" if around or "torque" in steps else "xyz"  # over a revolution the others cancel
@@ -88,10 +85,9 @@ def _columns(steps: Table, kind: str, axes: Sequence[str], end: str) -> list[_Cu
     """The components of a quantity of a boundary over time."""
     words = {"friction_moment": "moment of friction", "pressure_integral": "integral of the pressure"}
     where, name = f" on {plain(end.strip())}" if end else "", words.get(kind, kind.replace("_", " "))
-    times = _column(steps, "time")
     found = {axis: f"{kind}{axis and '_'}{axis}{end}" for axis in axes}
     return [
-        _Curve(f"{name} {axis}".rstrip() + where, times, _column(steps, column), kind.startswith("friction"))
+        _Curve(f"{name} {axis}".rstrip() + where, steps["time"], steps[column], kind.startswith("friction"))
         for axis, column in found.items()
         if column in steps
     ]
@@ -101,16 +97,11 @@ def _over_motion(steps: Table, end: str, friction: Sequence[_Curve]) -> _Curve:
     """The largest component of friction over the motion along it, in 2D along the boundary; or the torque."""
     name = "mean_tangential_displacement"
     if "torque" in steps:
-        return _Curve("torque", _column(steps, f"{name}_z"), _column(steps, "torque"))
+        return _Curve("torque", steps[f"{name}_z"], steps["torque"])
     largest = max(friction, key=_size)
     axis = largest.label.removeprefix("friction force ")[0]
     in_space = f"{name}_{axis}{end}"  # there the motion is a vector
-    motion = _column(steps, in_space if in_space in steps else f"{name}{end}")
-    return _Curve(largest.label, motion, largest.values)
-
-
-def _column(steps: Table, name: str) -> Floats:
-    return np.asarray(steps[name], dtype=np.float64)
+    return _Curve(largest.label, steps[in_space if in_space in steps else f"{name}{end}"], largest.values)
 
 
 def _size(curve: _Curve) -> float:

@@ -43,20 +43,15 @@ def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: 
             acting[effect.where].append(effect)
         if isinstance(effect, ContactEffect) and effect.against is not None:
             acting[effect.against].append(effect)
+    placed = statement.placed(0).contact if statement is not None and dim == 2 else ()
     time = 0.0 if statement is None else statement.time_at(statement.steps - 1)
     return Setup(
         title,
         parallel.rows_on_root(comm, shown),
         tuple(_boundary(tagged, name, acting[name], time) for name in _shown(tagged, acting)),
         {} if statement is None else statement.unit_names(dim),
-        () if statement is None else _lines(statement, tagged),
+        [line for effect in placed if effect.surface is not None for line in lines_of(effect.gap_in(2), tagged)],
     )
-
-
-def _lines(statement: Statement, tagged: TaggedMesh) -> list[Floats]:
-    """The lines of the foundations of the plane that have shapes, see ``lines_of``; collective."""
-    placed = statement.placed(0).contact if tagged.dimension == 2 else ()
-    return lines_of([effect.gap_in(2) for effect in placed if effect.surface is not None], tagged)
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
@@ -20,23 +20,19 @@ Rows = npt.NDArray[np.int64]
 Triangles = tuple[Floats, Rows]
 
 
-def lines_of(distances: Sequence[Distance], tagged: TaggedMesh) -> list[Floats]:
-    """The lines of shapes in 2D near the body, each of shape (k, 2), the body on its left; collective."""
+def lines_of(distance: Distance, tagged: TaggedMesh) -> list[Floats]:
+    """The lines of a shape in 2D near the body, each of shape (k, 2), the body on its left; collective."""
     from contourpy import contour_generator  # matplotlib's
 
-    if not distances:
-        return []
+    x, y = _axes(distance, tagged, FOUNDATION_GRID)
+    grid = np.stack(np.meshgrid(x, y), axis=2)
+    signed = distance(grid.reshape(-1, 2).T).reshape(len(y), len(x))
     lines = []
-    for distance in distances:
-        x, y = _axes(distance, tagged, FOUNDATION_GRID)
-        grid = np.stack(np.meshgrid(x, y), axis=2)
-        signed = distance(grid.reshape(-1, 2).T).reshape(len(y), len(x))
-        for line in contour_generator(x, y, signed).lines(0.0):
-            line = np.asarray(line)
-            k = len(line) // 2
-            ahead = line[k] - line[k - 1]
-            towards = distance.direction(line[k : k + 1].T)[:, 0]
-            lines.append(line[:: 1 if ahead[0] * towards[1] < ahead[1] * towards[0] else -1])
+    for line in map(np.asarray, contour_generator(x, y, signed).lines(0.0)):
+        k = len(line) // 2
+        ahead = line[k] - line[k - 1]
+        towards = distance.direction(line[k : k + 1].T)[:, 0]
+        lines.append(line[:: 1 if ahead[0] * towards[1] < ahead[1] * towards[0] else -1])
     return lines
 
 
@@ -75,7 +71,7 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
 
         at = moved.get(part, np.zeros_like)
         if tagged.dimension == 2:
-            drawn[effect.boundary] = [line + at(line) for line in lines_of([distance], tagged)]
+            drawn[effect.boundary] = [line + at(line) for line in lines_of(distance, tagged)]
         else:
             points, triangles = triangles_of(distance, tagged)
             drawn[effect.boundary] = points + at(points), triangles

@@ -119,9 +119,8 @@ def folded(title: str, *parts: str) -> Markup:
     return part("folded", title, parts)
 
 
-def picture(data: bytes, alternative: str, caption: str, class_: str = "still") -> Markup:
+def picture(data: bytes, alternative: str, caption: str) -> Markup:
     """A PNG file in the page itself; a broad one is scrolled on a narrow screen, so that it can be read."""
     width, height = struct.unpack(">II", data[16:24])
-    class_ += " broad" if width > BROAD_PICTURE * height else ""
     source = f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
-    return part("picture", source, alternative, caption, class_)
+    return part("picture", source, alternative, caption, width > BROAD_PICTURE * height)

@@ -23,8 +23,6 @@ from signorini_fx.mechanics.statement.units import labelled, names_of
 from signorini_fx.quantities.shown import was_solved
 
 PAGE = "report.html"
-# The chapters that consist of figures, which say of what they are where there is no solution.
-_OF_FIGURES = ("Contact", "Load steps")
 # By this a page is known to be one of these.
 _MADE_BY = '<meta name="generator" content="signorini_fx'
 
@@ -53,6 +51,7 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
     name = folder.resolve().name
     solved, contact = was_solved(summary), "contact_nodes" in summary
     no_result = sections.no_result(summary)
+    note = part("note", no_result) if no_result else Markup("")  # of what the figures of a chapter are
     # First what is asked first, then what was found, then why it may be trusted, last how it was computed.
     chapters: dict[str, Markup] = {
         "Outcome": sections.outcome(summary, folder),
@@ -60,21 +59,19 @@ def _page(summary: dict[str, Any], folder: Path) -> str:
         "Further pictures": sections.further_pictures(folder),
     }
     if solved and contact:
-        chapters["Contact"] = sections.contact(summary, folder)
+        drawn = sections.contact(summary, folder)
+        chapters["Contact"] = drawn and joined([note, drawn])
     if solved and "steps" in summary:
         table = read_csv(folder / "steps.csv")
         if len(table["step"]) != len(summary["steps"]):
             raise ValueError(f"steps.csv has {len(table['step'])} rows, {len(summary['steps'])} are expected")
-        chapters["Load steps"] = sections.steps(table, summary, folder)
+        chapters["Load steps"] = joined([note, sections.steps(table, summary, folder)])
     if "convergence_table" in summary:
         chapters["Convergence table"] = sections.convergence_table(summary["convergence_table"])
     chapters["Certificate"] = sections.certificate(summary) if solved else Markup("")
     chapters["Scene and effects"] = sections.scene(summary)
     if solved and contact:
         chapters["Iteration"] = sections.history(summary)
-    for heading in _OF_FIGURES:
-        if no_result and chapters.get(heading):
-            chapters[heading] = joined([part("note", no_result), chapters[heading]])
     chapters["Made with"] = sections.made_with(summary)
     style = resources.files("signorini_fx.addons.report").joinpath("report.css")
     text = rendered(

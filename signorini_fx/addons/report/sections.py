@@ -129,10 +129,10 @@ _SOLID_BODY = "Gray lines: undeformed body; arrows: how long the body is. "
 _FOUNDATION = {False: "Hatched: the foundation. ", True: "Gray surface: the foundation. "}  # in 3D?
 
 
-def _drawn(folder: Path, file: str, alternative: str, caption: str, class_: str = "still") -> Markup:
+def _drawn(folder: Path, file: str, alternative: str, caption: str) -> Markup:
     """A picture that solve drew; nothing if it drew none."""
     drawn = folder / file
-    return picture(drawn.read_bytes(), alternative, caption, class_) if drawn.is_file() else Markup("")
+    return picture(drawn.read_bytes(), alternative, caption) if drawn.is_file() else Markup("")
 
 
 def _overview(summary: dict[str, Any], folder: Path) -> Markup:
@@ -146,8 +146,8 @@ def _overview(summary: dict[str, Any], folder: Path) -> Markup:
     if solid:
         reason += f", or has too many facets to be drawn, or without {PYVISTA}"
     return (
-        _drawn(folder, "setup.png", "body, supports, loads and contact", _SETUP, "still overview")
-        or _drawn(folder, "deformed.png", "deformed body on its foundation", caption, "still overview")
+        _drawn(folder, "setup.png", "body, supports, loads and contact", _SETUP)
+        or _drawn(folder, "deformed.png", "deformed body on its foundation", caption)
         or part("note", f"No picture: {reason}.")
     )
 
