@@ -14,6 +14,7 @@ from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.gather import gather_body
 from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes
+from signorini_fx.addons.pictures.style import finish, plain
 from signorini_fx.machine.result_files import Table
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
@@ -129,9 +130,7 @@ class ResultPictures:
             self._write(folder / ("deformed" if name == self.fields[0] else f"field_{name}"), figure, remark)
 
     def _draw_curves(self, folder: Path, contact: ContactTable | None, steps: Table | None) -> None:
-        # matplotlib takes a while to import
         from signorini_fx.addons.pictures.load_steps import errors_and_costs, load_steps
-        from signorini_fx.addons.pictures.style import finish
 
         if prices := [row.model_dump() for row in self.solution.convergence_table]:
             self._write(folder / "convergence_table", errors_and_costs(prices))
@@ -149,7 +148,5 @@ class ResultPictures:
             self._write(folder / "contact_surface", contact_surface(contact.columns, facets_of(contact)))
 
     def _write(self, path_stem: Path, figure: Figure, remark: str = "") -> None:
-        from signorini_fx.addons.pictures.style import finish, plain
-
         title = plain(self.solution.statement.title)
         finish(figure, path_stem, f"{title}   ({remark})" if title and remark else title or remark, self.suffixes)
