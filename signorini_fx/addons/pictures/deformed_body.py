@@ -47,7 +47,8 @@ def deformed_mesh(
     seen = _window(body, factor, _lines(foundations, factor))
     panels, remark = [(factor, seen)], magnified(foundations, factor)
     zone, moved = _small_zone(foundations, body.size), body.moved(factor)
-    field, ends = FIELDS[name].labelled(recovered=body.recovered), None
+    field, values = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name).ravel()
+    ends = usual_range(values, _areas(moved[body.triangles]).repeat(3) / 3, signed=field.signed)
     if zone is not None:  # the scale is that of what is enlarged
         panels.append((1.0, zone))
         remark = f"left: {remark}; right: the contact zone as it is"
@@ -55,8 +56,7 @@ def deformed_mesh(
         inside = np.all((places >= zone[0]) & (places <= zone[1]), axis=2)
         areas = np.broadcast_to(_areas(body.moved(1.0)[body.perimeters])[:, None], inside.shape)
         ends = usual_range(body.values[name][inside], areas[inside], signed=field.signed)
-    share = _areas(moved[body.triangles]).repeat(3) / 3
-    tones = Tones(field, body.at_corners(name).ravel(), share, ends)
+    tones = Tones(field, values, *ends)
     aspects = [float((high[1] - low[1]) / (high[0] - low[0])) for _, (low, high) in panels]
     widest = _WIDEST[len(panels)]
     widths = [min(widest, widest / aspect) for aspect in aspects]

@@ -109,26 +109,19 @@ def usual_range(values: Floats, area: Floats, *, signed: bool = False) -> tuple[
     return (first, last) if 0 < 1.5 * (last - first) < high - low else (low, high)
 
 
+@dataclass(frozen=True)
 class Tones:
-    """The scale of a field.
+    """The scale of a field."""
 
-    Args:
-        field: what it is.
-        values: one per cell or point, shape (m,).
-        area: of each cell, or that belongs to each point, shape (m,).
-        ends: lowest and highest value of the scale; None: see ``usual_range``.
+    field: Field
+    values: Floats  # of cells or points, shape (m,)
+    low: float  # the value of the first colour
+    high: float  # that of the last one
 
-    Attributes:
-        field: what it is.
-        power: the figures at the colour bar are multiplied by this power of ten.
-        low, high: ends of the scale, before that.
-    """
-
-    def __init__(self, field: Field, values: Floats, area: Floats, ends: tuple[float, float] | None = None) -> None:
-        self.field = field
-        self._values = values[np.isfinite(values)]
-        self.low, self.high = usual_range(values, area, signed=field.signed) if ends is None else ends
-        self.power = decimal_power(max(-self.low, self.high))
+    @property
+    def power(self) -> int:
+        """The figures at the colour bar are multiplied by this power of ten."""
+        return decimal_power(max(-self.low, self.high))
 
     @property
     def norm(self) -> Normalize:
@@ -137,9 +130,9 @@ class Tones:
 
     def bar(self, figure: Figure, axes: Any) -> Colorbar:
         """The colour bar below the axes, with arrows where there is more than the scale shows."""
-        margin = 1e-3 * (self.high - self.low)
-        below = self.field.signed and float(self._values.min(initial=self.low)) < self.low - margin
-        above = float(self._values.max(initial=self.high)) > self.high + margin
+        margin, values = 1e-3 * (self.high - self.low), self.values[np.isfinite(self.values)]
+        below = self.field.signed and float(values.min(initial=self.low)) < self.low - margin
+        above = float(values.max(initial=self.high)) > self.high + margin
         bar = figure.colorbar(
             ScalarMappable(self.norm, VALUES),
             ax=axes,

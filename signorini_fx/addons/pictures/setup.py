@@ -109,19 +109,16 @@ class Setup:
             finish(figure, path_stem, plain(self.title), suffixes)
 
     @property
-    def _coloured(self) -> list[tuple[NamedBoundary, str]]:
-        """Each boundary with facets and its colour."""
-        shown = [boundary for boundary in self.boundaries if len(boundary.corners)]
-        return [(boundary, _COLOURS[k % len(_COLOURS)]) for k, boundary in enumerate(shown)]
+    def _coloured(self) -> list[tuple[NamedBoundary, str, Any]]:
+        """Each boundary with facets, its colour, and the style of its line."""
+        shown, count = [boundary for boundary in self.boundaries if len(boundary.corners)], len(_COLOURS)
+        lines = [_LINES[min(k // count, len(_LINES) - 1)] for k in range(len(shown))]
+        return [(boundary, _COLOURS[k % count], lines[k]) for k, boundary in enumerate(shown)]
 
     @property
     def _size(self) -> float:
         """The longest side of the body."""
         return float(np.ptp(self.polygons.reshape(-1, self.polygons.shape[2]), axis=0).max())
-
-    def _line(self, number: int) -> Any:
-        """The style of the line of a boundary in 2D."""
-        return _LINES[min(number // len(_COLOURS), len(_LINES) - 1)]
 
     def _plane(self) -> tuple[Figure, Callable[[Any], Any], None]:
         points = self.polygons.reshape(-1, 2)
@@ -134,14 +131,9 @@ class Setup:
             {"edgecolor": "white", "linewidth": 0.3} if len(self.polygons) <= _MOST_EDGES else {"edgecolor": _BODY}
         )
         axes.add_collection(PolyCollection(list(self.polygons), facecolor=_BODY, **edges))
-        for number, (boundary, colour) in enumerate(self._coloured):
-            line: dict[str, Any] = {
-                "colors": colour,
-                "linewidths": 2.4,
-                "linestyles": [self._line(number)],
-                "zorder": 4,
-            }
-            axes.add_collection(LineCollection(list(boundary.corners), **line))
+        for boundary, colour, line in self._coloured:
+            style: dict[str, Any] = {"colors": colour, "linewidths": 2.4, "linestyles": [line], "zorder": 4}
+            axes.add_collection(LineCollection(list(boundary.corners), **style))
             if boundary.grounded:  # strokes on the side where the foundation is
                 rows = _spaced_rows(boundary.middles, self._size / MOST_STROKES)
                 start, out = boundary.middles[rows], boundary.normals[rows]
@@ -160,7 +152,7 @@ class Setup:
 
         above = COLOURS_ABOVE * float(np.linalg.norm(np.ptp(self.polygons.reshape(-1, 3), axis=0)))
         patches = [self.polygons]
-        patches += [boundary.corners + above * boundary.normals[:, None] for boundary, _ in self._coloured]
+        patches += [boundary.corners + above * boundary.normals[:, None] for boundary, *_ in self._coloured]
         number = np.concatenate([np.full(len(corners), k) for k, corners in enumerate(patches)])
         points = np.concatenate(patches)
         k = points.shape[1]
@@ -172,7 +164,7 @@ class Setup:
             fan,
             np.repeat(np.tile(number, k - 2)[:, None], 3, axis=1).astype(np.float64),
             (-0.5, len(patches) - 0.5),
-            ListedColormap([_BODY, *(colour for _, colour in self._coloured)]),
+            ListedColormap([_BODY, *(colour for _, colour, _ in self._coloured)]),
             edges if len(polygons) <= _MOST_EDGES else None,
         )
         seen, steps = view.oblique(), 0.1 * self._size * np.concatenate((np.eye(3), -np.eye(3)))
@@ -184,36 +176,24 @@ class Setup:
     def _mark(self, axes: Axes, flat: Callable[[Any], Any], toward: Floats | None) -> None:
         """Arrows and supports, on the sides that face the viewer, or on those behind where there are no others."""
         side = max(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
-        for boundary, colour in self._coloured:
+        for boundary, colour, _ in self._coloured:
             front = np.full(len(boundary.corners), True) if toward is None else boundary.normals @ toward > 0
             hidden = not front.any()
             front |= hidden
             at, normals = boundary.middles[front], boundary.normals[front]
             rows = _spaced_rows(flat(at), side / MOST_ARROWS)
-            drawn = colour if toward is None else INK  # on facets of this colour
+            alpha, drawn = 0.5 if hidden else 1.0, colour if toward is None else INK  # on facets of this colour
             for vectors in ("load", "moved"):
                 if longest := self._largest(vectors):
                     arrows = getattr(boundary, vectors)[front][rows] / longest
-                    self._arrows(axes, flat, at[rows], normals[rows], arrows, drawn, 0.5 if hidden else 1.0)
+                    self._arrows(axes, flat, at[rows], normals[rows], arrows, color=drawn, alpha=alpha)
             if boundary.held and not boundary.moved.any():
-                style: dict[str, Any] = {
-                    "linestyle": "none",
-                    "markersize": 4.5,
-                    "markerfacecolor": "white",
-                    "zorder": 5,
-                }
-                style |= {"markeredgecolor": colour, "alpha": 0.5 if hidden else 1.0}
-                axes.plot(*flat(at[rows]).T, marker=boundary.marker, **style)
+                style: dict[str, Any] = {"linestyle": "none", "marker": boundary.marker, "markersize": 4.5}
+                style |= {"markerfacecolor": "white", "markeredgecolor": colour, "alpha": alpha, "zorder": 5}
+                axes.plot(*flat(at[rows]).T, **style)
 
     def _arrows(
-        self,
-        axes: Axes,
-        flat: Callable[[Any], Any],
-        at: Floats,
-        normals: Floats,
-        vectors: Floats,
-        colour: str,
-        alpha: float,
+        self, axes: Axes, flat: Callable[[Any], Any], at: Floats, normals: Floats, vectors: Floats, **style: Any
     ) -> None:
         """Of vectors of length 1 at most; those into the body end at it, and the others begin there."""
         lengths, outwards = np.linalg.norm(vectors, axis=1), np.einsum("ij,ij->i", vectors, normals)
@@ -222,9 +202,9 @@ class Setup:
         steps = LONGEST_ARROW_OF_SETUP * self._size * vectors
         start = np.where((outwards < -1e-12)[:, None], start - steps, start)[lengths >= SMALLEST_ARROW]
         ends = start + steps[lengths >= SMALLEST_ARROW]
-        style = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": 0.018}
+        style |= {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": 0.018}
         tails, tips = flat(start), flat(ends)
-        arrows = axes.quiver(*tails.T, *(tips - tails).T, color=colour, alpha=alpha, clip_on=False, zorder=6, **style)
+        arrows = axes.quiver(*tails.T, *(tips - tails).T, clip_on=False, zorder=6, **style)
         arrows.set_in_layout(False)  # matplotlib takes their lengths for decorations of the axes
 
     def _largest(self, vectors: str) -> float:
@@ -235,8 +215,7 @@ class Setup:
     def _legend(self, figure: Figure) -> None:
         """The names of the boundaries, what acts on them, and how large the longest arrows are."""
         handles = []
-        for number, (boundary, colour) in enumerate(self._coloured):
-            line = self._line(number) if self.polygons.shape[2] == 2 else "-"
+        for boundary, colour, line in self._coloured:
             style: dict[str, Any] = {"color": colour, "linewidth": 2.4, "linestyle": line, "marker": boundary.marker}
             handles.append(Line2D([], [], **style, markersize=4.5, markerfacecolor="white", label=boundary.label))
         for vectors, kind, quantity in (("load", "load", "stress"), ("moved", "displacement", "length")):

@@ -21,7 +21,7 @@ from signorini_fx.addons.pictures import view
 from signorini_fx.addons.pictures.body import DrawnBody, normals_of
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import Foundation, magnification, magnified
-from signorini_fx.addons.pictures.marks import Largest, Tones, draw_lengths, mark_largest
+from signorini_fx.addons.pictures.marks import Largest, Tones, draw_lengths, mark_largest, usual_range
 from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats
 from signorini_fx.addons.pictures.view import Camera, View
 from signorini_fx.errors import PYVISTA, PictureError
@@ -83,8 +83,9 @@ def deformed_solid(
     rigid = [foundation for foundation in foundations if foundation.rigid]
     area = normals_of(body.points, body.triangles) @ seen.toward
     facing = area > 0
-    label, corners = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name)
-    tones = Tones(label, corners[facing].ravel(), area[facing].repeat(3) / 3)
+    field, corners = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name)
+    seen_values = corners[facing].ravel()
+    tones = Tones(field, seen_values, *usual_range(seen_values, area[facing].repeat(3) / 3, signed=field.signed))
     moved, grounds = body.moved(factor), [ground_of(foundation, factor) for foundation in rigid]
     solid = Solid(moved, body.triangles, corners, (tones.low, tones.high), grounds=grounds)
     ends = [ground[0] for ground, part in zip(grounds, rigid, strict=True) if ground is part.surface]
