@@ -40,7 +40,12 @@ def test_no_friction_no_figures_of_it(law, rubs):
 
 def test_what_happened_is_in_the_report():
     """Once each; the advice of *slides at the contact pressures found* refers to the share that friction carries."""
-    summary = {"algorithm": "fp", "linear_solves": 3, "events": ["friction carries at most 0.99 of the loads"] * 2}
+    summary = {
+        "algorithm": "fp",
+        "linear_solves": 3,
+        "factorisations": 1,
+        "events": ["friction carries at most 0.99 of the loads"] * 2,
+    }
     shown = texts_of(sections.history(summary))
     assert shown.count("friction carries at most 0.99 of the loads") == 1
 

@@ -7,13 +7,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import Delaunay
 
+from signorini_fx.addons.pictures.style import Floats, Rows
 from signorini_fx.tuned import SAME_LENGTH
-
-Floats = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,7 @@ from signorini_fx.addons.pictures.style import (
     RULE,
     STYLE,
     Floats,
+    Rows,
     decimal_power,
     largest_of,
     plain,
@@ -37,7 +38,6 @@ from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
 
-Rows = npt.NDArray[np.int64]
 AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.2))}
 # Lightness decreases from open to stick, so that the order of the states is visible in a gray print.
 STATES = {

@@ -25,6 +25,7 @@ from signorini_fx.addons.pictures.style import (
     STYLE,
     VALUES,
     Floats,
+    Rows,
     decimal_power,
     largest_of,
     math_number,
@@ -35,8 +36,6 @@ from signorini_fx.addons.pictures.style import (
 from signorini_fx.machine.result_files import Table
 from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, MOST_ARROWS, SURFACE_MARGIN
-
-Rows = npt.NDArray[np.int64]
 
 # The rows of a facet in the order of VTK, as polygons of vertices.
 _POLYGONS = {

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.addons.pictures.body import DrawnBody, Rows, normals_of
+from signorini_fx.addons.pictures.body import DrawnBody, normals_of
 from signorini_fx.addons.pictures.boundary_profiles import ContactColumns, boundaries_of, by_boundary
-from signorini_fx.addons.pictures.style import Floats, math_number, readable
+from signorini_fx.addons.pictures.style import Floats, Rows, math_number, readable
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.fields import facets_of
 from signorini_fx.tuned import SEEN_AS_IT_IS, SHARP_EDGE, SMALL_PART

@@ -16,12 +16,12 @@ from dolfinx import mesh as dmesh
 
 from signorini_fx.addons.pictures.body import DrawnBody, tiling
 from signorini_fx.addons.pictures.fields import FIELDS
+from signorini_fx.addons.pictures.style import Floats
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ROOT_OF_EPS
 
-Floats = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int32]
 # Of reference points in cells of this rank, shape (cells, points, ...).
 Values = Callable[[Floats, Cells], Floats]

@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from signorini_fx.addons.pictures.rigid_shapes import lines_of
 from signorini_fx.addons.pictures.setup import NamedBoundary, Setup
+from signorini_fx.addons.pictures.style import Floats
 from signorini_fx.errors import OutputError, cannot_be_written
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compat import geometry_cells
@@ -26,7 +27,6 @@ from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.mechanics.statement.statement import Statement
 
 _SUFFIXES = (".png", ".pdf", ".svg")
-Floats = npt.NDArray[np.float64]
 
 
 def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: str = "") -> Setup:

@@ -7,16 +7,14 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from signorini_fx.addons.pictures.style import Floats, Rows
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import FOUNDATION_BESIDE, FOUNDATION_GRID, FOUNDATION_GRID_IN_SPACE, WHOLE_FOUNDATION
 
-Floats = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
 Triangles = tuple[Floats, Rows]
 
 

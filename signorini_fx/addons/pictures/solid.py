@@ -22,7 +22,7 @@ from signorini_fx.addons.pictures.body import DrawnBody, normals_of
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.foundation import Foundation, magnification, magnified
 from signorini_fx.addons.pictures.marks import Largest, Tones, draw_lengths, mark_largest, usual_range
-from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats
+from signorini_fx.addons.pictures.style import INK, MUTED, STYLE, VALUES, Floats, Rows
 from signorini_fx.addons.pictures.view import Camera, View
 from signorini_fx.errors import PYVISTA, PictureError
 from signorini_fx.tuned import (
@@ -37,7 +37,6 @@ from signorini_fx.tuned import (
     VISIBLE_FACET,
 )
 
-Rows = npt.NDArray[np.int64]
 GROUND = "#dcdcdc"
 _LABELS = 0.8  # inches beside the body
 _WITHOUT_DISPLAY = (9, 4)  # the first VTK that draws without a display; an older one ends the process

@@ -24,6 +24,7 @@ from signorini_fx.machine.terminal import printable
 from signorini_fx.mechanics.statement.units import bracketed, unit
 
 Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
 _PNG_DPI = 200
 _RASTER_DPI = 300  # of what is an image in a PDF or SVG
 SCREEN = (".png",)

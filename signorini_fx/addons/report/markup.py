@@ -75,7 +75,6 @@ def shown(value: Any) -> str:
     return value if isinstance(value, str) else str(value)
 
 
-_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[+-]\d+)?|")  # as ``text.figure`` writes it, or nothing
 _POWERS = str.maketrans("0123456789-", "\u2070\xb9\xb2\xb3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
 
 
@@ -96,7 +95,7 @@ def is_number(value: Any) -> bool:
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequence[str] = ()) -> Markup:
     """A table that scrolls sideways if it is wider than the page; columns of numbers are flush right."""
-    numeric = [all(is_number(row[k]) or _NUMBER.fullmatch(str(row[k])) for row in rows) for k in range(len(columns))]
+    numeric = [all(is_number(row[k]) for row in rows) for k in range(len(columns))]
     head = [(name, "number" if right else "") for name, right in zip(columns, numeric, strict=True)]
     body = []
     for row, class_ in zip(rows, classes or [""] * len(rows), strict=True):
@@ -106,12 +105,6 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[Any]], classes: Sequen
             cells.append((text, "number" if right else "words" * (len(text) > _WIDE_CELL)))
         body.append((class_, cells))
     return part("table", head, body, len(columns) > _WIDE_TABLE)
-
-
-def long_table(title: str, columns: Mapping[str, Any]) -> Markup:
-    """Columns of a CSV file; folded."""
-    rows = list(zip(*columns.values(), strict=True))
-    return folded(f"{title}, {len(rows)} row{'s' * (len(rows) != 1)}", table(list(columns), rows))
 
 
 def folded(title: str, *parts: str) -> Markup:

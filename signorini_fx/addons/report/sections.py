@@ -14,7 +14,6 @@ from signorini_fx.addons.report.markup import (
     in_text,
     is_number,
     joined,
-    long_table,
     part,
     picture,
     rendered,
@@ -22,7 +21,7 @@ from signorini_fx.addons.report.markup import (
     table,
 )
 from signorini_fx.errors import PYVISTA
-from signorini_fx.machine.display import results_of, status_in_words
+from signorini_fx.machine.display import effort_in_words, results_of, status_in_words
 from signorini_fx.mechanics.statement.units import names_of, unit
 from signorini_fx.quantities.shown import (
     Validity,
@@ -184,7 +183,8 @@ def steps(steps: dict[str, Any], summary: dict[str, Any], folder: Path) -> Marku
     who, whom = _sides(summary)
     caption = f"Forces of {who} on {whom}, and of friction; where they balance each other, pressure and moment."
     drawn = _drawn(folder, "load_steps.png", "forces of the load steps", caption)
-    return joined([drawn, long_table("Every load step", steps)])
+    rows = list(zip(*steps.values(), strict=True))
+    return joined([drawn, folded(f"Every load step ({len(rows)})", table(list(steps), rows))])
 
 
 def certificate(summary: dict[str, Any]) -> Markup:
@@ -201,8 +201,6 @@ def certificate(summary: dict[str, Any]) -> Markup:
         rows.append((part("named", name.replace("_", " "), meaning), digits, verdict, judged))
         classes.append("missed" if missed else "")
     law = f" The law is {summary['certificate']['law']}." if "law" in summary["certificate"] else ""
-    figures = {name: value for name, value in summary["certificate"].items() if is_number(value) and value is not None}
-    worst = max((name for name in figures if name in JUDGED), key=figures.__getitem__)
     note = (
         "The conditions of the problem, checked after the iteration from the displacement and the contact tractions "
         f"alone; every figure is relative: to the largest stress, deformation or force.{law}"
@@ -210,7 +208,8 @@ def certificate(summary: dict[str, Any]) -> Markup:
     missed = "missed" in classes
     verdict = "The certificate does NOT hold."
     if not missed:
-        largest = f"{figures[worst]:.1e} ({worst.replace('_', ' ')})" if figures[worst] else "round-off"
+        value, worst = max((value, name) for name, value in summary["certificate"].items() if name in JUDGED)
+        largest = f"{value:.1e} ({worst.replace('_', ' ')})" if value else "round-off"
         verdict = f"The certificate holds: no figure is above {largest}, the limit is {CERTIFICATE_TOLERANCE:g}."
     full_table = table(["figure", "value", "", "limit"], rows, classes)
     parts = [part("paragraph", in_text(verdict)), part("note", in_text(note))]
@@ -270,11 +269,8 @@ def _two_digits(value: float | None) -> Any:
 
 def history(summary: dict[str, Any]) -> Markup:
     """How many linear solves it took, and what happened on demand."""
-    solves, factorised = summary["linear_solves"], summary.get("factorisations")
-    text = f"{summary['algorithm']}: {solves} linear solve{'s' * (solves != 1)}"
-    if factorised is not None:
-        text += f" with {factorised} factorisation{'s' * (factorised != 1)}"
-    parts = [part("paragraph", f"{text}; history.csv has a row for each.")]
+    effort = f"{summary['algorithm']}: {effort_in_words(summary)}; history.csv has a row for each solve."
+    parts = [part("paragraph", effort)]
     if events := list(dict.fromkeys(summary.get("events", ()))):
         parts.append(folded("What happened", part("items", list(map(in_text, events)))))
     return joined(parts)
