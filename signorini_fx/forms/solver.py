@@ -211,9 +211,10 @@ class FormSolver:
         geometry = [values for shape in shapes for values in (shape.factor, shape.direction) if values is not None]
         at_rest = self.foundations.at_rest(fixed, values)
         rigid = self.rigid = self.foundations.rigid_bodies
+        driven = rigid.driven()
         fingerprints = (
             digest(self.forms.compiled[0], fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
-            digest(self.forms.compiled[1], values, *rigid.driven_by),
+            digest(self.forms.compiled[1], values, driven.forces, driven.motion, rigid.stiffness),
         )
         last, self._last_pattern = self._last_pattern, None  # until all that follows has gone well
         if last is None or parallel.any_rank(comm, fingerprints[0] != last[0]):
@@ -272,7 +273,7 @@ class FormSolver:
         for name, entries in (("bcs", values), ("L", forces)):
             if parallel.any_rank(self.space.mesh.comm, not np.isfinite(entries).all()):
                 raise FormError([(name, "is not finite somewhere")])
-        return self.elastic.case(forces, function, self.rigid.driven_together)
+        return self.elastic.case(forces, function, self.rigid.driven())
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         points = boundary if self.contact else None

@@ -349,12 +349,11 @@ class LinearisedProblem(FormSolver):
 
     def _case(self, values: Array) -> LoadCase:
         """With the work of the residual on free motions, and with what relative displacements meet."""
-        case, elastic, driven = super()._case(values), self.elastic, self.rigid.driven_together
+        case, elastic, driven = super()._case(values), self.elastic, self.rigid.driven()
         if elastic.motions.free.size:
-            driving = None if driven is None else driven.forces
-            resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driving)
+            resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driven.forces)
             case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
-        if elastic.relative is not None and driven is not None:
+        if elastic.relative is not None:
             away = self.at.x.array - np.where(self.prescribed[0], values, 0.0)
             moved = self.foundations.coordinates - np.where(self.rigid.fixed, driven.motion, 0.0)
             forces, _ = elastic.relative_forces(away, moved)

@@ -36,7 +36,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     node_positions,
 )
 from signorini_fx.mechanics.kinematics import of_components
-from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
+from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.laws.directed import FrictionAxes
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody
 from signorini_fx.tuned import ROOT_OF_EPS, ZERO_COMPONENT
@@ -103,9 +103,9 @@ class ContactBoundary:
     global_nodes: npt.NDArray[np.int64]
     averages: Averages
     axes: Nodal
+    kinematics: Kinematics
     moving: MovingFoundation | None = None
     friction_axes: FrictionAxes | None = None
-    kinematics: Kinematics = SPACE
     pushing: Nodal | None = None
 
     @property
@@ -260,7 +260,7 @@ def contact_part(
     index: int,
     turned: TurnedNodes | None = None,
 ) -> ContactBoundary:
-    """The contact boundary of one rigid foundation from its ``points``, see ``nodal_points``."""
+    """The contact boundary of one foundation or pair from its ``points``, see ``nodal_points``."""
     dim, (nodes, weight, normal) = space.mesh.geometry.dim, points
     return ContactBoundary(
         comm=space.mesh.comm,

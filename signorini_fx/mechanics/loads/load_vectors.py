@@ -288,7 +288,7 @@ def driving_load(
         np.zeros(space.dofmap.index_map.size_local * space.dofmap.index_map_bs),
         fem.Function(space),
         partial(driving_load, rigid, number, statement, space) if timed else None,
-        rigid.driven(number, statement.time_at(step)),
+        rigid.driven(statement.time_at(step), number),
     )
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import basix
 import numpy as np
@@ -21,7 +20,7 @@ from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, from_owners
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities, facet_nodes, lumped_degree, node_positions
 from signorini_fx.mechanics.assembly.nodal_stiffness import JointStiffness
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, segments_of
+from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, contact_part
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 from signorini_fx.mechanics.interfaces import Pair
@@ -187,7 +186,7 @@ class FacingSides:
         slave: the side with the contact points.
         master: the other one.
         fixed: which components are prescribed at the nodes of both sides, those of the slave first, shape (m, d).
-        axes: the frames of the nodes of the slave that supports hold them in, shape (N, d, d); None: the axes of space.
+        turned: nodes whose supports are told in their own frames; None: there are none.
     """
 
     space: fem.FunctionSpace
@@ -195,7 +194,7 @@ class FacingSides:
     slave: PairedSide
     master: PairedSide
     fixed: npt.NDArray[np.bool_]
-    axes: Array | None
+    turned: TurnedNodes | None
 
     @classmethod
     def of(
@@ -248,7 +247,7 @@ class FacingSides:
             for k, side in enumerate(sides)
         )
         fixed = np.concatenate([entries[:, :dim] for entries in flags])
-        return cls(space, index, slave, master, fixed, None if turned is None else frames[0])
+        return cls(space, index, slave, master, fixed, turned)
 
     @cached_property
     def nodes(self) -> npt.NDArray[np.int64]:
@@ -272,33 +271,14 @@ class FacingSides:
         """Local numbers of nodes of the slave that this rank owns."""
         return np.asarray(self.slave.nodes[nodes] - self.space.dofmap.index_map.local_range[0], dtype=np.int32)
 
-    @cached_property
-    def _segments(self) -> npt.NDArray[np.int64]:
-        functions, tests = self.slave.surface.functions, self.slave.surface.tests
-        vertices = len(tests.places) < len(functions.places)
-        return segments_of(self.space, self.slave.facets, self.index, vertices=vertices)
-
-    def points_at(self, nodes: npt.NDArray[np.int64], averages: Averages, **of_points: Any) -> ContactBoundary:
-        """The contact points at nodes of the slave that this rank owns, which do not move across a plane of symmetry;
-        ``of_points``: what else is known of them.
-        """
-        x, free = self.slave.surface.x[nodes], averages.any_of(~averages.fixed)
-        axes: Array = np.tile(np.eye(x.shape[1]), (nodes.size, 1, 1))
-        if self.axes is not None:
-            axes, free = self.axes[nodes], np.ones(x.shape, dtype=bool)
-        across = np.einsum("nji,njk,nkl->nil", axes, self.slave.surface.across[nodes], axes)
-        return ContactBoundary(
-            comm=self.space.mesh.comm,
-            nodes=self.local(nodes),
-            x=x,
-            part=np.full(nodes.size, self.index, dtype=np.int32),
-            free=free & (np.einsum("nii->ni", across) < 0.5),
-            segments=self._segments,
-            global_nodes=self.slave.nodes[nodes],
-            averages=averages,
-            axes=axes,
-            **of_points,
-        )
+    def points_at(
+        self, nodes: npt.NDArray[np.int64], weight: Array, normal: Array, averages: Averages
+    ) -> ContactBoundary:
+        """The contact points at nodes of the slave that this rank owns; planes of symmetry hold them."""
+        points, facets = (self.local(nodes), weight, normal), self.slave.facets
+        part = contact_part(self.space, points, averages, facets, self.index, self.turned)
+        across = np.einsum("nji,njk,nki->ni", part.axes, self.slave.surface.across[nodes], part.axes)
+        return replace(part, free=(part.free | (self.turned is not None)) & (across < 0.5))
 
 
 @dataclass(frozen=True)
@@ -412,7 +392,7 @@ class PairedSides:
             lifting[reached],
             relative[:, components],
         )
-        return sides.points_at(coupling.nodes, averages, weight=coupling.weight, normal=coupling.normal)
+        return sides.points_at(coupling.nodes, coupling.weight, coupling.normal, averages)
 
 
 class MovingPair:
@@ -504,12 +484,10 @@ class MovingPair:
         )
         translation = np.tile(np.eye(dim), (len(sides.slave.nodes), 1))  # of the slave alone
         pushing = np.asarray(normal_rows[:, : len(translation)] @ translation)
-        points = sides.points_at(
-            self.points[mine], averages, weight=coupling.weight[mine], normal=normal, pushing=pushing
-        )
+        points = sides.points_at(self.points[mine], coupling.weight[mine], normal, averages)
         partnered = coupling.frames.partnered
         counted = partnered | ~partnered.any()
-        return replace(points, free=points.free & counted[mine, None])
+        return replace(points, free=points.free & counted[mine, None], pushing=pushing)
 
     def sliding_along(self, slip: Array) -> Array:
         """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along,

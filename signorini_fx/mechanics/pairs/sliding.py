@@ -77,7 +77,7 @@ class SlidingCoupling:
         tangent_rows: the relative displacement along T_i, a row for each tangent of a point, shape (n (d - 1), d m).
         centre: where forces act, length, shape (n, d).
         covered: undeformed area of the slave where both sides see each other and one can move.
-        pieces: what the second derivatives of the gap are made of; None: no point has a partner.
+        pieces: what the second derivatives of the gap are made of.
     """
 
     slave: PairSurface
@@ -91,7 +91,7 @@ class SlidingCoupling:
     tangent_rows: sp.csr_array
     centre: Array
     covered: float
-    pieces: SlidingPieces | None = field(repr=False)
+    pieces: SlidingPieces = field(repr=False)
 
     def slip(self, begun: Frames, slave: Array, master: Array) -> Array:
         """How far the points have slid since a step has begun, along T_i, length, shape (n, d - 1): of points that had
@@ -123,18 +123,16 @@ class SlidingCoupling:
             pressure: lambda of the points, stress, shape (n,).
             shear: mu along T_i, shape (n, d - 1).
         """
-        if self.pieces is None:
-            return sp.csr_array(self.normal_rows.shape[1:] * 2)
         pressed = self.pieces.stiffness(self.weight * pressure)
         if not shear.any():
             return pressed
         along = self.normal_rows
         if shear.shape[1] > 1:
             along = sp.kron(sp.eye_array(self.weight.size), np.ones((2, 1))) @ along
-        turns = self._turning(self.pieces).T @ scaled_rows((self.weight[:, None] * shear).ravel(), along)
+        turns = self._turning().T @ scaled_rows((self.weight[:, None] * shear).ravel(), along)
         return sp.csr_array(pressed - turns - turns.T)
 
-    def _turning(self, pieces: SlidingPieces) -> sp.csr_array:
+    def _turning(self) -> sp.csr_array:
         """What displacements of both sides turn n_i along T_i, sparse, shape (n (d - 1), d m)."""
         slave, master, shares = self.slave, self.master, (self.frames.slave, self.frames.master)
         size = np.linalg.norm(shares[0] @ slave.directions - shares[1] @ master.directions, axis=1)
@@ -143,7 +141,7 @@ class SlidingCoupling:
             for matrix, side in ((shares[0], slave), (-shares[1], master))
         ]
         along = along_vectors(self.frames.tangents / size[:, None, None])
-        return sp.csr_array(along @ (sp.hstack(parts) - pieces.passing))
+        return sp.csr_array(along @ (sp.hstack(parts) - self.pieces.passing))
 
 
 def slide(
@@ -188,15 +186,11 @@ def slide(
     tangent_rows = sp.csr_array(along_vectors(tangents) @ relative)
     normal_rows = along_vectors(np.where(partnered[:, None], 0.0, normals)[:, :, None]) @ relative
     gap = np.full(count, reach)
-    pieces = None
-    if at.size:
-        inverse = np.asarray(1.0 / found.weight, dtype=np.float64)
-        mean = placing @ scaled_rows(inverse, shares)  # of moments of the functions
-        pieces = SlidingPieces.of(tested, directions, sp.csr_array(mean))
-        gap[at] = pieces.gap[at]
-        normal_rows = normal_rows - pieces.rows
+    mean = placing @ scaled_rows(np.asarray(1.0 / found.weight), shares)  # of moments of the functions
+    pieces = SlidingPieces.of(tested, directions, sp.csr_array(mean))
+    gap[at] = pieces.gap[at]
     frames = Frames(sharing, opposite, tangents, partnered)
-    rows = sp.csr_array(normal_rows), tangent_rows
+    rows = sp.csr_array(normal_rows - pieces.rows), tangent_rows
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, *rows, centre, found.covered, pieces)
 
 

@@ -179,12 +179,12 @@ class SlidingPieces:
         """
         count = factor.shape[2] - self.turns.shape[2]
         parts = factor[..., :count, None] * vectors[:, :, None], factor[..., count:, None] * across[:, :, None]
-        return np.concatenate(parts, axis=2).reshape(*factor.shape[:2], -1)
+        return np.concatenate(parts, axis=2).reshape(*factor.shape[:2], factor.shape[2] * vectors.shape[2])
 
     def _at_points(self, entries: Array) -> sp.csr_array:
         """The matrix of moments of the functions, shape (p, t, d c), at the points, of displacements."""
         dim = self.facing.shape[2]
-        components = (dim * self.blocks[..., None] + np.arange(dim)).reshape(len(self.blocks), 1, -1)
+        components = (dim * self.blocks[..., None] + np.arange(dim)).reshape(len(entries), 1, entries.shape[2])
         rows, columns = (np.broadcast_to(at, entries.shape).ravel() for at in (self.points[:, :, None], components))
         shape = (self.mean.shape[1], self.spread.shape[0])
         moments = sp.csr_array((entries.ravel(), (rows, columns)), shape=shape)

@@ -85,10 +85,7 @@ class RigidBodies:
             touching = np.isin(boundary.part, body.parts)
             x = self.places(boundary)[touching]
             modes[touching, :, k] = rigid_modes(x, body.pivot(dim), np.array(self.length))
-        flat, number = (
-            modes.reshape(boundary.size, dim, count * motion_count),
-            np.repeat(np.arange(count), motion_count),
-        )
+        flat, number = modes.reshape(boundary.size, dim, -1), np.repeat(np.arange(count), motion_count)
         moving = replace(boundary, moving=MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies))
         if moving.friction_axes is not None:
             moving.friction_axes.check_supports(moving.points.movable, "contact.friction", moving.comm)
@@ -115,24 +112,12 @@ class RigidBodies:
         of_bodies = [body.motion.stiffness(dim)[: self.units.size] / self.units**2 for body in self.bodies]
         return np.array(of_bodies, dtype=np.float64).ravel()
 
-    def driven(self, number: int, time: float) -> Driven:
-        """What drives one of them at a time."""
-        forces: _Floats = np.zeros((len(self.bodies), self.units.size))
-        motion = np.zeros_like(forces)
-        forces[number], prescribed = self.drives(time)[number]
-        motion[number] = np.nan_to_num(prescribed)
-        return Driven((forces / self.units).ravel(), (motion * self.units).ravel())
-
-    @property
-    def driven_together(self) -> Driven | None:
-        """What drives all of them at the time zero; None: there are none."""
-        return Driven.together([(1.0, self.driven(k, 0.0)) for k in range(len(self.bodies))])
-
-    @property
-    def driven_by(self) -> list[_Floats]:
-        """The values that drive them at the time zero, beside ``fixed``."""
-        driven = self.driven_together
-        return [] if driven is None else [driven.forces, driven.motion, self.stiffness]
+    def driven(self, time: float = 0.0, number: int | None = None) -> Driven:
+        """What drives them, or one of them alone, at a time."""
+        drives = np.array(self.drives(time), dtype=np.float64).reshape(len(self.bodies), 2, self.units.size)
+        if number is not None:
+            drives[np.arange(len(drives)) != number] = 0.0
+        return Driven((drives[:, 0] / self.units).ravel(), np.nan_to_num(drives[:, 1] * self.units).ravel())
 
     def moved(self, unknowns: _Floats) -> tuple[RigidBodyMotion, ...]:
         """How they have moved, from their unknowns in a displacement, see ``ElasticBody.driven``."""
