@@ -264,7 +264,7 @@ class FormSolver:
         """The contact points; ``fixed``, ``values``: what is ``prescribed``; collective."""
         owned = self.space.dofmap.index_map.size_local * self.space.dofmap.index_map_bs
         at_rest = self.foundations.at_rest(fixed, values)
-        return self.foundations.rigid_bodies.on(self.foundations.boundary(shapes, fixed[:owned], at_rest=at_rest))
+        return self.foundations.rigid_bodies.on(self.foundations.boundary(shapes, fixed[:owned], at_rest))
 
     def _case(self, values: Array) -> LoadCase:
         """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,); collective."""
@@ -319,7 +319,7 @@ class FormSolver:
         solved = self if solved is None else solved
         shapes, fixed, boundary = self.foundations.shapes(), solved.elastic.fixed, solved.boundary
         if any(shape.factor is not None or shape.direction is not None for shape in shapes):
-            boundary = self.foundations.boundary(shapes, fixed, at_rest=self.foundations.at_rest(*solved.prescribed))
+            boundary = self.foundations.boundary(shapes, fixed, self.foundations.at_rest(*solved.prescribed))
         settings = Settings.of(self.settings)
         data, law = self.foundations.problem(boundary, self.foundations.data(shapes), settings, solved.scales)
         values = prescribed(self.space, conditions_of(self.bcs, self.space))[1][: fixed.size]

@@ -208,7 +208,7 @@ def contact_of(model: Model, statement: Statement) -> dict[str, Any]:
     """The fields of a model that follow from the contact of another statement, with the same supports; collective."""
     foundations, rests = _foundations(model, statement), at_rest(model.space, model.supports, model.turned, model.fixed)
     shapes = foundations.shapes()
-    boundary = model.rigid.on(foundations.boundary(shapes, model.fixed, model.turned, rests))
+    boundary = model.rigid.on(foundations.boundary(shapes, model.fixed, rests, model.turned))
     problem = _problem(replace(model, statement=statement), foundations, shapes, boundary)
     return {"boundary": boundary, "pairs": foundations.pairs, **problem}
 

@@ -284,16 +284,11 @@ class Foundations:
         self,
         shapes: Sequence[ShapeDistances],
         fixed: npt.NDArray[np.bool_],
+        at_rest: npt.NDArray[np.bool_],
         turned: TurnedNodes | None = None,
-        at_rest: npt.NDArray[np.bool_] | None = None,
     ) -> ContactBoundary:
-        """Weights, frames and positions of the points.
-
-        Args:
-            shapes: see ``shapes``.
-            fixed: which owned dofs are prescribed, shape (owned dofs,), at nodes that are ``turned`` in their frames.
-            turned: these nodes; None: there are none.
-            at_rest: see ``at_rest``, ghosts may be included; None: none.
+        """Weights, frames and positions of the points; ``fixed``: which owned dofs are prescribed, shape (owned dofs,),
+        at nodes that are ``turned`` in their frames; ``at_rest``: see there, ghosts may be included.
         """
         parts = []
         for k, shape in enumerate(shapes):
@@ -355,13 +350,13 @@ class Foundations:
         factor: Array | None,
         fixed: npt.NDArray[np.bool_],
         turned: TurnedNodes | None,
-        at_rest: npt.NDArray[np.bool_] | None,
+        at_rest: npt.NDArray[np.bool_],
     ) -> FacingSides:
         """Both sides of a pair before they are paired, with the factor of its measure, see ``boundary``."""
         from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 
         sides, flags = (self.facets[number], self._masters[number]), fixed.reshape(-1, self._dimension)
-        rests = None if at_rest is None else at_rest.reshape(-1, self._dimension)[: len(flags)]
+        rests = at_rest.reshape(-1, self._dimension)[: len(flags)]
         # Of a node that two contacts share an earlier pair, or a foundation, has the point.
         first = (k for k, contact in enumerate(self._contact) if k < number or contact.against is None)
         taken = [self.facets[k] for k in first if k != number]

@@ -134,7 +134,9 @@ def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> np
 def mirrored(
     slave: PairSurface, master: PairSurface, at_rest: tuple[Array, Flags], opposite: tuple[Array, Flags]
 ) -> Array:
-    """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N, d, d).
+    """Projectors onto the directions across planes of symmetry at the nodes of the slave, shape (N, d, d), from a frame
+    at each node of the slave, one direction per column, shape (N, d, d), and along which of them supports hold it where
+    it is, shape (N, d), and the same of the master.
 
     Supports hold both bodies across such a plane, beyond which no side goes on; it may be an axis of revolution.
     The function of a point on it is even across it, the relative displacement across it is odd: their product
@@ -142,13 +144,6 @@ def mirrored(
     no traction, and its normal, the mean of those on both halves, is in the plane.
     (Multipliers where Dirichlet conditions meet a mortar interface: Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012;
     Puso and Laursen, Comput. Methods Appl. Mech. Engrg. 193 (2004) 601-629.)
-
-    Args:
-        slave: the side with the points.
-        master: the other side.
-        at_rest: a frame at each node of the slave, one direction per column, shape (N, d, d), and along which of them
-            supports hold it where it is, shape (N, d).
-        opposite: the same of the master.
     """
     (frames, held), (axes, master_held), projectors = at_rest, opposite, np.zeros_like(at_rest[0])
     nodes, columns = np.nonzero(held & slave.nodal_normals.any(axis=1, keepdims=True))
@@ -204,24 +199,15 @@ class FacingSides:
         index: int,
         fixed: npt.NDArray[np.bool_],
         taken: Sequence[Indices],
-        turned: TurnedNodes | None = None,
-        at_rest: npt.NDArray[np.bool_] | None = None,
-        factor: Array | None = None,
+        turned: TurnedNodes | None,
+        at_rest: npt.NDArray[np.bool_],
+        factor: Array | None,
     ) -> FacingSides:
-        """Two parts of the boundary; collective.
-
-        Args:
-            space: the displacements.
-            facets: of the slave and of the master, owned, local numbers.
-            index: of the pair among the contacts.
-            fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
-            taken: facets of other contacts, whose nodes carry no points of this one.
-            turned: nodes for which ``fixed`` is told in their own frames; None: there are none.
-            at_rest: which of the components ``fixed`` are zero at all times, shape (owned nodes, d); None: none.
-            factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
-
-        Raises:
-            FormError: the sides are curved and the displacement is linear.
+        """Two parts of the boundary, the ``facets`` of the slave and of the master, owned, local numbers; ``fixed``:
+        which displacement components are prescribed at the owned nodes, ``at_rest``: which of them are zero at all
+        times, shapes (owned nodes, d); ``taken``: facets of other contacts, whose nodes carry no points of this one;
+        ``factor``: of the measure, at all nodes of this rank, shape (nodes,), None: 1; a FormError: the sides are
+        curved and the displacement is linear; collective.
         """
         if compat.geometry_degree(space.mesh) > space.element.basix_element.degree:
             raise FormError([(f"contact[{index}]", "two bodies with curved cells need a space of degree 2")])
@@ -231,7 +217,6 @@ class FacingSides:
         for taken_facets in (*taken, facets[1]):
             reached = fem.locate_dofs_topological(space, dim - 1, taken_facets)
             taken_nodes[reached[reached < owned]] = True
-        at_rest = np.zeros_like(fixed) if at_rest is None else at_rest
         axes = np.tile(np.eye(dim), (owned, 1, 1)) if turned is None else turned.frames_at(np.arange(owned))
         owned_rows = np.column_stack((axes.reshape(owned, dim**2), fixed, at_rest, taken_nodes)).astype(np.float64)
         known = [from_owners(owned_rows, side.nodes, comm) for side in sides]
@@ -285,11 +270,8 @@ class FacingSides:
 class PairedSides:
     """The two sides of a pair whose points keep their partners, and what joins them.
 
-    Attributes:
-        sides: both.
-        coupling: of both.
-        followed: whether the normals are those of the deformed sides, with which distances turn; else it is the
-            coupling that tells how distances turn.
+    ``followed``: whether the normals are those of the deformed sides, with which distances turn; else it is the
+    coupling that tells how distances turn.
     """
 
     sides: FacingSides
@@ -298,11 +280,7 @@ class PairedSides:
 
     @classmethod
     def from_facing(cls, facing: FacingSides, pair: Pair) -> PairedSides:
-        """Pair two sides; collective.
-
-        Raises:
-            FormError: the sides do not fit together.
-        """
+        """Pair two sides; a FormError: they do not fit together; collective."""
         try:
             coupling = couple(
                 facing.slave.surface,

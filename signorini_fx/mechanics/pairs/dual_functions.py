@@ -149,11 +149,6 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
 def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
     them, ring by ring, shape (N, k); zero where no ring arrives.
-
-    Args:
-        side: with the nodes.
-        nodes: some of them.
-        values: of these.
     """
     known = np.zeros(len(side.x), dtype=bool)
     known[nodes] = True

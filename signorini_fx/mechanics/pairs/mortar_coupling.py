@@ -96,13 +96,8 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Tested:
-    """The overlap of two sides with the functions of the points.
-
-    Attributes:
-        slave: the side with the points.
-        master: the other one.
-        overlap: of both.
-        coefficients: of the functions on each facet of the slave, shape (f, t, t).
+    """The overlap of two sides, with the ``coefficients`` of the functions of the points on each facet of the slave,
+    shape (f, t, t).
     """
 
     slave: PairSurface

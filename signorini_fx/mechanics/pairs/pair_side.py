@@ -9,7 +9,7 @@ in [0, 1]^2, in any order: what the functions are follows from the places.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -90,7 +90,8 @@ class Lagrange:
         kind = basix.CellType.interval
         if self.places.shape[1] == 2:
             kind = basix.CellType.triangle if self.simplex else basix.CellType.quadrilateral
-        return _quadrature(kind, degree)
+        points, weights = basix.make_quadrature(kind, degree)
+        return np.asarray(points), np.asarray(weights)
 
     @property
     def parts(self) -> Array:
@@ -107,14 +108,6 @@ class Lagrange:
             return np.array([[0.0], [1.0]])
         square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
         return square[[0, 1, 3]] if self.simplex else square
-
-
-@cache
-def _quadrature(kind: basix.CellType, degree: int) -> tuple[Array, Array]:
-    """Points and weights on the reference cell; read-only."""
-    points, weights = (np.asarray(values) for values in basix.make_quadrature(kind, degree))
-    points.flags.writeable = weights.flags.writeable = False
-    return points, weights
 
 
 @dataclass(frozen=True)
@@ -363,16 +356,12 @@ def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
     for _ in range(2):
         sums = np.stack([np.bincount(row, a * component, count) for component in r.T], axis=1)
         r = r - (sums / total)[row]
-    if dim == 2:
-        polar = np.bincount(row, a * np.einsum("ld,ld->l", r, r), minlength=count)[row]
-        omega = (a / polar)[:, None] * np.stack((-r[:, 1], r[:, 0]), axis=1)
-        blocks = np.stack((-d[:, 1], d[:, 0]), axis=1)[:, :, None] * omega[:, None, :]
-    else:
-        inertia: Array = np.zeros((count, 3, 3))
-        squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
-        np.add.at(inertia, row, a[:, None, None] * squares)
-        inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
-        blocks = -_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r))
+    r, d = (np.pad(vectors, ((0, 0), (0, 3 - dim))) for vectors in (r, d))
+    inertia: Array = np.zeros((count, 3, 3))
+    squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
+    np.add.at(inertia, row, a[:, None, None] * squares)
+    inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
+    blocks = (-_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r)))[:, :dim, :dim]
     matrix = sp.bsr_array((blocks, arms.indices, arms.indptr), shape=(count * dim, len(x) * dim))
     return without_round_off(sp.csr_array(matrix))
 

@@ -64,11 +64,8 @@ class Parts(Patches):
 
 def default_reach(slave: Array, master: Array) -> float:
     """A distance beyond which facets cannot come into contact, length: the smallest distance of both sides, and a share
-    of the size of the smaller one, twice the largest distance from its middle, which does not depend on the axes.
-
-    Args:
-        slave: positions of the nodes of the one side, shape (n, d).
-        master: those of the other one.
+    of the size of the smaller one, twice the largest distance from its middle, which does not depend on the axes;
+    ``slave``, ``master``: positions of the nodes of both sides, shape (n, d).
     """
     nearest = float(cKDTree(master).query(slave)[0].min())
     sizes = [2.0 * float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for x in (slave, master)]
@@ -76,17 +73,9 @@ def default_reach(slave: Array, master: Array) -> float:
 
 
 def candidates(slave: Patches, master: Patches, reach: float, turning: Array) -> tuple[Indices, Indices]:
-    """Pairs of patches that face each other, one over the other as the slave's normal sees it, and within reach.
-
-    Args:
-        slave: patches of the one side.
-        master: those of the other one.
-        reach: length.
-        turning: tangent of the angle between the directions of projection and the normal of each patch of the slave,
-            shape (p,).
-
-    Returns:
-        Numbers of the slave and of the master patch of each pair, ascending, shape (m,) each.
+    """Pairs of patches that face each other, one over the other as the slave's normal sees it, and within reach, length:
+    numbers of both patches of each pair, ascending, shape (m,) each; ``turning``: tangent of the angle between the
+    directions of projection and the normal of each patch of the slave, shape (p,).
     """
     none = np.zeros(0, dtype=np.int64)
     if not len(slave.corners) or not len(master.corners):

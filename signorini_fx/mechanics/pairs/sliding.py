@@ -28,6 +28,7 @@ import scipy.sparse as sp
 
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
+from signorini_fx.mechanics.pairs.overlap import axes_across
 from signorini_fx.mechanics.pairs.pair_side import (
     PairSurface,
     beside,
@@ -150,16 +151,9 @@ def slide(
     points: Indices,
     reach: float,
 ) -> SlidingCoupling:
-    """The map of two deformed sides, in 3D of degree 1.
-
-    Args:
-        slave: the side with the points, see ``PairSurface.displaced``.
-        master: the other one.
-        points: nodes of the slave that have a point, ascending, shape (n,).
-        reach: distance beyond which facets are no partners, length.
-
-    Raises:
-        PairingError: a facet sees two sheets of the master.
+    """The map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; ``points``: nodes of the slave
+    that have a point, ascending, shape (n,); ``reach``: distance beyond which facets are no partners, length; a
+    PairingError: a facet sees two sheets of the master.
     """
     whole, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
@@ -208,9 +202,7 @@ def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> A
     if slave.dimension == 2:
         return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]
     outward = slave.displaced(np.zeros_like(slave.x)).nodal_normals[points]
-    least = np.eye(3)[np.abs(outward).argmin(axis=1)]
-    first = np.cross(outward, least)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    first = axes_across(outward)[:, 0]
     rotation = rotations_at_nodes(slave, points)
     outward, first = (np.einsum("nij,nj->ni", rotation, vectors) for vectors in (outward, first))
     # The least rotation that takes the normal to that of the point.
