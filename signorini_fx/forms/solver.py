@@ -54,7 +54,6 @@ class StepBeginning:
     """Where a step of a ``ContactProblem`` begins, whatever is tried from there."""
 
     last: StepEnd | None
-    previous: PreviousStep | None  # ``last`` as the certificate sees it from there
     solution: LastSolution | None
     settled: dict[int, Any]  # the shapes of foundations at the end of the last step
 
@@ -162,12 +161,11 @@ class FormSolver:
 
     def beginning(self) -> StepBeginning:
         """Where the present step begins, whatever is tried from there."""
-        return StepBeginning(self._last, self.previous_step, self._solution, self.foundations.settled)
+        return StepBeginning(self._last, self._solution, self.foundations.settled)
 
     def return_to(self, beginning: StepBeginning) -> None:
         """The next solve begins there, with the foundations where they are."""
-        self._last, self.previous_step = beginning.last, beginning.previous
-        self._solution, self.foundations.settled = beginning.solution, beginning.settled
+        self._last, self._solution, self.foundations.settled = beginning.last, beginning.solution, beginning.settled
 
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""

@@ -137,15 +137,14 @@ class ProblemOfScene(NonlinearContactProblem):
         """
         failures = list[Finding]()
         try:
-            with self._as_convergence_error():
-                self._ran = Continuation(self._solver, self.statement.path, self.go_to)
-                self._ran.all(on_step, stored)
-        except ConvergenceError as error:
-            if self._solver.solved is None:  # not even the body before the first one can be shown
-                raise
-            failures.append(Finding("warning", "load_steps", str(error)))
+            self._ran = Continuation(self._solver, self.statement.path, self.go_to)
+            self._ran.all(on_step, stored)
         except FormError as error:
             raise _of_scene(error, self.statement) from None
+        if why := self._ran.failure:
+            if self._solver.solved is None:  # not even the body before the first one can be shown
+                raise ConvergenceError(self, why)
+            failures.append(Finding("warning", "load_steps", why))
         self.timings.seconds.update(self._solver.timings.seconds)
         solution = self.titled(self.statement.title)
         body: dict[str, Any] = {field.name: getattr(solution.model, field.name) for field in fields(solution.model)}

@@ -3,5 +3,3 @@
 ``problem`` has the public class, ``load_continuation`` the way through load steps, ``newton`` one step, ``linearised``
 the contact problem of an iteration, ``results`` with the check of a solution against the residual itself.
 """
-
-import mpi4py.MPI  # noqa: F401  # first, see signorini_fx.mechanics.body

@@ -46,7 +46,6 @@ from signorini_fx.mechanics.assembly.nodal_stiffness import NodalStiffness
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.loads.supports import prescribed
-from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
@@ -224,7 +223,7 @@ class LinearisedProblem(FormSolver):
         forms, increment = given_forms(tangents.leading, evaluated.form, contact, increment, boundaries=boundaries)
         forms = replace(forms, original=(tangents.bilinear, evaluated.form))
         super().__init__(forms, increment, bcs, settings, options)
-        self._evaluated, self.extent = evaluated, diameter_of(at.function_space.mesh)
+        self._evaluated = evaluated
         self._straighten()
 
     def _straighten(self) -> None:
@@ -261,7 +260,7 @@ class LinearisedProblem(FormSolver):
         """Give the tangent the curvature of the shapes with the tractions of the last solution; collective."""
         if (state := self._state) is None:
             return
-        hessians = hessians_at(state.boundary, self.foundations.moving, self.places, self.extent)
+        hessians = hessians_at(state.boundary, self.foundations.moving, self.places, self.scales.size)
         blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.foundations.rigid_bodies, None
         if tools.bodies:

@@ -12,7 +12,7 @@ from dolfinx import fem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import MatrixError
 from signorini_fx.forms.nonlinear.linearised import State
-from signorini_fx.forms.nonlinear.newton import FINAL, EquilibriumSolver, NoEquilibrium
+from signorini_fx.forms.nonlinear.newton import FINAL, EquilibriumSolver
 from signorini_fx.forms.nonlinear.results import ResidualMechanics
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.mechanics.statement.load_path import LoadPath
@@ -27,8 +27,8 @@ _SOLUTION, _TANGENT = "solution", "tangent"
 
 class Continuation(Stepping[StepResult]):
     """Goes through the load steps of a path, each of which an ``EquilibriumSolver`` attempts.  One without a solution
-    is halved, the first one from time 0; after an easy one the next is larger.  A step that cannot be shortened ends
-    with NoEquilibrium or FormError.
+    is halved, the first one from time 0; after an easy one the next is larger.  One that cannot be shortened
+    ends it with a ``failure`` in words or a FormError.
 
     ``apply`` changes the problem to what it is at a place.  ``ends`` are the load steps with a solution, with what the
     residual says of them.
@@ -38,12 +38,12 @@ class Continuation(Stepping[StepResult]):
         solver.begin_path(several=path.several)
         self.solver, self.way, self._apply = solver, PathIncrements(path), apply
         self.history, self.timings = solver.linear.history, solver.timings
-        self.ends = list[tuple[StepResult, ResidualMechanics]]()
+        self.ends, self.failure = list[tuple[StepResult, ResidualMechanics]](), ""
         self._solves_before = len(self.history.iterations)
 
     @property
     def through(self) -> bool:
-        return self.way.ended
+        return self.way.ended or bool(self.failure)
 
     @property
     def _may_halve(self) -> bool:
@@ -54,47 +54,50 @@ class Continuation(Stepping[StepResult]):
         begun, solver, way = self.solver.snapshot(), self.solver, self.way
         if (path := way.path).several:
             self.history.add(StepRecord(len(self.ends) + 1, path.name_at(way.next), path.time_at(way.next)))
+        why: Exception | str
         try:
             self._apply(way.next)
-            solver.attempt(final=not self._may_halve)
-            solver.take()
+            if not (why := solver.attempt(final=not self._may_halve)):
+                solver.take()
         except Exception as error:
-            self._give_up(begun, error)
+            why = error
+        if why:
+            self._give_up(begun, why)
             return None
         end = way.reached = way.next
         increment = way.increment * (2 if solver.iterations <= FEW_NEWTON_ITERATIONS else 1)
         way.increment = min(max(increment, ENCLOSED * way.nominal), way.nominal)
         return self._end_step(end)
 
-    def _give_up(self, begun: State, error: Exception) -> None:
-        """Go back to where a failed step has begun, and halve it, or raise why there is no solution; collective."""
+    def _give_up(self, begun: State, why: Exception | str) -> None:
+        """Go back to where a failed step has begun, and halve it, or end with why there is no solution; collective."""
         solver, way, status = self.solver, self.way, self.solver.status
         final = not self._may_halve or status in FINAL
         if status is not None and solver.without:
             status = Status.LIMIT
-        if final and isinstance(error, NoEquilibrium) and solver.solved is None:
+        if final and isinstance(why, str) and solver.solved is None:
             assert status is not None
             solver.take_before(status, len(self.history.iterations) - self._solves_before)
             if (before := solver.solved) is not None:
                 solver.solved = replace(before, step=self._named(way.next, before.step))
         self._begin_again(begun)
         end, reached = (f"time {way.path.time_at(place):g}" for place in (way.next, way.reached))
-        self.history.add(f"{end} is given up, back at {reached}: {error}")
-        if not isinstance(error, NoEquilibrium | FormError):
-            raise error
+        self.history.add(f"{end} is given up, back at {reached}: {why}")
+        if not isinstance(why, str | FormError):
+            raise why
         if not final:
             way.halve()
             return
         last = f"there is a solution at {reached}" if self.ends else "there is no solution before it"
-        if isinstance(error, FormError):
-            reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in error.problems]
-            raise FormError(reasons, error.source) from error.__cause__
+        if isinstance(why, FormError):
+            reasons = [(key, f"{reason} (at {end}; {last})") for key, reason in why.problems]
+            raise FormError(reasons, why.source) from why.__cause__
         assert status is not None
         solver.status, advice = status, status.advice
         text = f"{solver.failure}: at {end}; {last}"
         if status is Status.LIMIT:
             text = f"{status.value}: {last}; a step to {end} ends with: {solver.failure}"
-        raise NoEquilibrium(f"{text}. {advice[0].upper()}{advice[1:]}") from error.__cause__
+        self.failure = f"{text}. {advice[0].upper()}{advice[1:]}"
 
     def _begin_again(self, begun: State) -> None:
         """Go back to where a step has begun, with its load and its shapes; collective."""

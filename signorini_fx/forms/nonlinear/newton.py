@@ -44,10 +44,6 @@ from signorini_fx.tuned import (
 Array = npt.NDArray[np.float64]
 
 
-class NoEquilibrium(Exception):
-    """A solve, or a way through load steps, has ended without a solution; its text says how, and what to do."""
-
-
 # What is said of linear bodies alone.
 OF_LINEAR_BODIES = (*OF_THE_BODY, Status.SLIDES_AT_PRESSURES, Status.SINGULAR)
 # What smaller steps do not change.
@@ -90,7 +86,7 @@ class EquilibriumSolver(Stability):
         linear, mesh = self.linear, self.linear.space.mesh
         farthest = float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
         loose = linear.scales.coordinate_error / NO_FORCE if linear.loose else 0.0
-        return max(SAME_NUMBER * linear.extent, UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest, loose)
+        return max(SAME_NUMBER * linear.scales.size, UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest, loose)
 
     def begin_path(self, *, several: bool) -> None:
         """Forget how long solves took, and a first step that had no solution; ``several``: see ``Start``."""
@@ -98,11 +94,10 @@ class EquilibriumSolver(Stability):
         if self.solved is not None and self.solved.step.status is not Status.CONVERGED:
             self.solved = None
 
-    def attempt(self, *, final: bool = True) -> None:
+    def attempt(self, *, final: bool = True) -> str:
         """Solve with the values of now; ``take`` makes it the last solution; ``final``: whether no smaller step will be
-        tried, so that a failure is asked why there may be no solution; collective.
-
-        Raises NoEquilibrium: ``status`` says why, and all else is as the last solution was; FormError: as ``solve``.
+        tried, so that a failure is asked why there may be no solution.  Returns why there is none, and what to do, with
+        all but ``status`` as the last solution was; "": there is one; collective.
         """
         last = self.last = self.last or self.snapshot()
         self.certificate, self.status, self.without, self._detail = None, None, "", ""
@@ -121,14 +116,14 @@ class EquilibriumSolver(Stability):
             raise
         self.status, self.linear_solves = status, len(self.linear.history.iterations) - solves
         if status is Status.CONVERGED:
-            return
+            return ""
         reason, certificate = self.without or self._detail, self.certificate
         if not reason and certificate is not None and status in (Status.NOT_CERTIFIED, Status.NOT_SOLVED):
             reason = f"{certificate.worst_name} {certificate.worst:.1e}"
         ended = "deformation too large for small strains" if status is Status.TOO_LARGE else status.value
         self.failure = ended + (f" ({reason})" if reason else "")
         self.go_back(last)
-        raise NoEquilibrium(f"{self.failure}: {status.advice}")
+        return f"{self.failure}: {status.advice}"
 
     def certify(self, begun: State) -> Status:
         """The verdict, but for stability, on a displacement of an earlier run whose step has ``begun``; collective."""

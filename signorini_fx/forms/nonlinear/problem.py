@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -19,7 +18,7 @@ from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.given_forms import foundations_of, model_of, named_parts, space_of, supported
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.forms.nonlinear.load_continuation import Continuation
-from signorini_fx.forms.nonlinear.newton import EquilibriumSolver, NoEquilibrium
+from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
 from signorini_fx.forms.nonlinear.results import (
     ResidualBody,
@@ -40,9 +39,6 @@ from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.findings import loose_at_rest, loose_in, pushed_nodes
 from signorini_fx.solving.solve_on_mesh import contact_solution
-
-# Iterations of Newton's method, unless it is said otherwise.
-MOST_ITERATIONS = 30
 
 
 def checked(F: Any, u: Any, J: Any, contact: Sequence[Foundation | Pair]) -> tuple[Foundation | Pair, ...]:
@@ -156,7 +152,7 @@ class NonlinearContactProblem(ProblemOfForms):
         form_compiler_options: dict[str, Any] | None = None,
         jit_options: dict[str, Any] | None = None,
         stability: bool = True,
-        max_newton: int = MOST_ITERATIONS,
+        max_newton: int = 30,
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
@@ -262,25 +258,18 @@ class NonlinearContactProblem(ProblemOfForms):
         """
         self._ran = None
         self._solver.begin_path(several=False)
-        with self._as_convergence_error():
-            self._solver.attempt()
+        if why := self._solver.attempt():
+            raise ConvergenceError(self, why)
         self._solver.take()
         return self.u
-
-    @contextmanager
-    def _as_convergence_error(self) -> Iterator[None]:
-        """What ends without a solution within is a ``ConvergenceError`` of this problem."""
-        try:
-            yield
-        except NoEquilibrium as error:
-            raise ConvergenceError(self, str(error)) from error.__cause__
 
     def _through(
         self, path: LoadPath, clock: Clock, stored: MeshCheckpoint | None, on_step: Callable[[StepResult], object]
     ) -> Solution:
-        with self._as_convergence_error():
-            self._ran = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))
-            self._ran.all(on_step, stored)
+        self._ran = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))
+        self._ran.all(on_step, stored)
+        if self._ran.failure:
+            raise ConvergenceError(self, self._ran.failure)
         return self.solution
 
 

@@ -24,13 +24,12 @@ from ufl.corealg.multifunction import MultiFunction
 
 from signorini_fx.algebra import Settings
 from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
-from signorini_fx.forms.given_forms import Facets, conditions_of
+from signorini_fx.forms.given_forms import Facets
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.body.deformation import deformation_of
-from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.statement.load_path import counted_path
 from signorini_fx.records import Finding, Status
@@ -93,8 +92,7 @@ def certified(
     """The certificate of the displacement of now, where F is ``residual`` and its round-off ``lost``, forces at the
     owned unknowns, and what it is of; ``linear``: of the last iteration; ``tractions``: else the solver's; collective.
     """
-    u, space, scales = linear.at, linear.space, linear.scales
-    fixed, values = prescribed(space, conditions_of(linear.bcs, space))
+    u, space, scales, (fixed, values) = linear.at, linear.space, linear.scales, linear.prescribed
     forces = residual.reshape(-1, space.mesh.geometry.dim)
     nothing = np.zeros_like(forces)
     balance = Balance(

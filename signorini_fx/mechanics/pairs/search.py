@@ -73,7 +73,7 @@ def default_reach(slave: Array, master: Array) -> float:
 
 
 def candidates(slave: Patches, master: Patches, reach: float, turning: Array) -> tuple[Indices, Indices]:
-    """Pairs of patches that face each other, one over the other as the slave's normal sees it, and within reach, length:
+    """Pairs of patches that face each other, one over the other as seen along its normal, and within reach, length:
     numbers of both patches of each pair, ascending, shape (m,) each; ``turning``: tangent of the angle between the
     directions of projection and the normal of each patch of the slave, shape (p,).
     """
