@@ -290,12 +290,7 @@ def prescribed_nodes(fixed: npt.NDArray[np.bool_], values: Array, space: fem.Fun
 
 def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> ElementStress:
     """The stress of a displacement by a law that gives it as UFL, shape (d, d), or in 2D (3, 3), linear in the strain
-    but for a stress without strain; collective.
-
-    The moduli are those at the middle of each cell.
-
-    Raises:
-        FormError: the law has another shape, is known at points of quadrature alone, or some strain has no stress.
+    but for a stress without strain, with the moduli at the middle of each cell; a FormError says why not; collective.
     """
     mesh = y.function_space.mesh
     dim, full_stress = mesh.geometry.dim, law(y)
@@ -319,10 +314,8 @@ def stress_of(law: Law, y: fem.Function, parts: Sequence[npt.NDArray[np.int32]])
 
 
 def cellwise_moduli(energy: Callable[[Any, Any], Any], space: fem.FunctionSpace) -> npt.NDArray[np.float64]:
-    """The components of the stress over those of the strain in the middle of each cell, shape (cells, m, m), see
-    ``cellwise_stress``, from the energy of two fields with one strain each; collective.
-
-    They are zero in the middle of the cell where they are taken, so that no hoop strain adds to theirs.
+    """The components of the stress over those of the strain in the middle of each cell, shape (cells, m, m), from the
+    energy of two fields with one strain each, which are zero there, so that no hoop strain adds to theirs; collective.
     """
     mesh, kinematics = space.mesh, CARTESIAN[space.mesh.geometry.dim]
     dim, x = kinematics.dimension, ufl.SpatialCoordinate(mesh)

@@ -326,11 +326,8 @@ class FormSolver:
 
 @contextmanager
 def options_applied(prefix: str, problem_options: Mapping[str, Any]) -> Iterator[None]:
-    """Put the options of a problem where its solver objects read them, without its prefix; those of the database take
-    precedence.
-
-    Raises:
-        OptionsError: PETSc fails with them, or would run another method than ours with one of them.
+    """Put the options of a problem where its solver objects read them, beside those of the database; an OptionsError
+    says that PETSc fails with them, or would run another method than ours with one of them.
     """
     wanted = {name: None if value is None else str(value) for name, value in problem_options.items()}
     of_database = PETSc.Options().getAll().items()

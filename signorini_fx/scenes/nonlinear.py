@@ -126,6 +126,8 @@ class ProblemOfScene(NonlinearContactProblem):
         problem._solver.too_large = problem._too_large
         problem._solver.tangents.trusted = body.tangent is not None
         problem.linear.bodies, problem.linear.history = model.pieces.bodies, history
+        parts = [tagged.cells(material.region) for material in model.statement.material]
+        problem.linear.forms = replace(problem.linear.forms, parts=parts)
         problem.begin_at(-1.0)
         return problem
 
@@ -137,11 +139,12 @@ class ProblemOfScene(NonlinearContactProblem):
         """
         failures = list[Finding]()
         try:
-            self._ran = Continuation(self._solver, self.statement.path, self.go_to)
-            self._ran.all(on_step, stored)
+            way = Continuation(self._solver, self.statement.path, self.go_to)
+            self._ends = way.ends
+            way.all(on_step, stored)
         except FormError as error:
             raise _of_scene(error, self.statement) from None
-        if why := self._ran.failure:
+        if why := way.failure:
             if self._solver.solved is None:  # not even the body before the first one can be shown
                 raise ConvergenceError(self, why)
             failures.append(Finding("warning", "load_steps", why))
@@ -156,10 +159,6 @@ class ProblemOfScene(NonlinearContactProblem):
         named = tuple(map(self._named, solution.steps))
         model = BodyOfScene(**body, forces=forces)
         return replace(solution, model=model, steps=named, timings=self.timings, found=lambda: findings)
-
-    @property
-    def _parts(self) -> list[npt.NDArray[np.int32]]:
-        return [self.model.tagged.cells(material.region) for material in self.model.statement.material]
 
     def _named(self, step: StepResult) -> StepResult:
         """A load step whose tools have the names of the scene."""

@@ -404,9 +404,7 @@ class LinearisedProblem(FormSolver):
 
     def solve(self, *, keeps_stiffness: bool = False) -> None:
         """Solve it, with the stiffness of the last solve if ``keeps_stiffness`` and that has a solution; a tangent that
-        Cholesky's factorisation refuses is factorised as LDL^T; collective.
-
-        Raises ConvergenceError: there is no solution; MatrixError: the tangent is not finite, or not symmetric.
+        Cholesky's factorisation refuses is factorised as LDL^T.  A ConvergenceError or MatrixError says how it ends.
         """
         if keeps_stiffness:
             self._keeps, solved = True, False

@@ -146,10 +146,8 @@ def turning_of(state: ContactState, size: float) -> Array:
 
 
 def turned_slips(boundary: ContactBoundary, hessians: Array, way: Array) -> Array:
-    """M - 1 on the tangent planes, shape (n, d - 1, d - 1), symmetric.
-
-    The slip is the part of the way w along the tangent plane, which turns with a displacement d.  So the slip changes
-    by M d with M = 1 - (n_f . w) H on the plane, not by d, where a point has come to its shape within the step.
+    """M - 1 on the tangent planes, shape (n, d - 1, d - 1), symmetric: the slip, the part of the way w along the plane,
+    which turns with a displacement d, changes by M d with M = 1 - (n_f . w) H on the plane, not by d.
     """
     along = np.einsum("ni,ni->n", boundary.normal, way)  # - n_f . w
     bends = np.einsum("n,nki,nkl,nlj->nij", along, boundary.tangents, hessians, boundary.tangents)

@@ -308,11 +308,9 @@ def length_of_increment(
 ) -> tuple[float, Array | None]:
     """The share of an increment to take, and F there; 0 and None: there is no F however short it is; collective.
 
-    It is halved where F cannot be evaluated, or the slope of the energy along it has not become smaller.
-
-    ``forces_at``: see ``Residual.at``; its FormError is raised if it is there however short the increment is; ``at``:
-    values of ``u`` and the increment to them, ghosts included, and F at the owned unknowns; ``search``: whether the
-    slope decides, too: not where prescribed values must arrive.
+    It is halved where F cannot be evaluated, by a FormError of ``Residual.at``, too, or where ``search`` and the slope
+    of the energy along it has not become smaller; prescribed values must arrive.  ``at``: values of ``u`` and the
+    increment to them, ghosts included, and F at the owned unknowns.
     """
     old, increment, residual = at
     moved = fem.Function(linear.u.function_space)

@@ -176,7 +176,8 @@ class NonlinearContactProblem(ProblemOfForms):
         self.pressure, self.shear, self.gap, self.slip = fields.pressure, fields.shear, fields.gap, fields.slip
         actions = commit or (lambda: None), max_newton, stability
         self._solver = self._ended = EquilibriumSolver(self.linear, residual, tangents, *actions)
-        self._ran: Continuation | None = None  # the last ``run``, until the next solve
+        # The load steps of the last ``run`` with a solution, until the next solve.
+        self._ends: list[tuple[StepResult, ResidualMechanics]] = []
 
     @property
     def iterations(self) -> int:
@@ -200,7 +201,7 @@ class NonlinearContactProblem(ProblemOfForms):
             """Of the body as it is now."""
             if self._solver.solved is not solved:
                 return "there is no estimate of the error of an earlier solve"
-            return stress_error(self._F, self.u, self._parts)
+            return stress_error(self._F, self.u, self.linear.forms.parts)
 
         assert linear.outcome is not None
         named = named_parts(linear.forms, linear.elastic.settings, ("F",))
@@ -215,16 +216,6 @@ class NonlinearContactProblem(ProblemOfForms):
         if isinstance(shares := solution.error_shares, str):
             raise RuntimeError(shares)
         return shares, 0.5
-
-    @property
-    def _ends(self) -> list[tuple[StepResult, ResidualMechanics]]:
-        """The load steps of the last ``run`` with a solution."""
-        return [] if self._ran is None else self._ran.ends
-
-    @property
-    def _parts(self) -> Sequence[npt.NDArray[np.int32]]:
-        """The cells of each material that is known of, ghosts included."""
-        return self.linear.forms.parts
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -256,7 +247,7 @@ class NonlinearContactProblem(ProblemOfForms):
             ConvergenceError: no solution was reached; ``status`` says why, and all else is as the last solution was.
             FormError: a value is not finite, cannot be evaluated, or ``update`` raised an exception.
         """
-        self._ran = None
+        self._ends = []
         self._solver.begin_path(several=False)
         if why := self._solver.attempt():
             raise ConvergenceError(self, why)
@@ -266,19 +257,16 @@ class NonlinearContactProblem(ProblemOfForms):
     def _through(
         self, path: LoadPath, clock: Clock, stored: MeshCheckpoint | None, on_step: Callable[[StepResult], object]
     ) -> Solution:
-        self._ran = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))
-        self._ran.all(on_step, stored)
-        if self._ran.failure:
-            raise ConvergenceError(self, self._ran.failure)
+        way = Continuation(self._solver, path, lambda place: clock(path.time_at(place)))
+        self._ends = way.ends
+        way.all(on_step, stored)
+        if way.failure:
+            raise ConvergenceError(self, way.failure)
         return self.solution
 
 
 def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple[Any, ...]:
-    """The last solution with its linearised problem, which is assembled there, see ``SolvedStep.of``; collective.
-
-    Raises RuntimeError: it depends on the state of a material before the last step, which is not kept; FormError: its
-    derivatives are not known; MatrixError: the tangent is not finite.
-    """
+    """The last solution with its linearised problem, which is assembled there, see ``SolvedStep.of``; collective."""
     residual = solver.residual
     for number, entry in enumerate(linear.contact):
         if entry.against is not None and not entry.bonded:

@@ -132,13 +132,10 @@ def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
     )
     estimated = dict[tuple[str, Any], int]()
     for data in lowered.integral_data:
-        for integral in data.integrals:
-            if "quadrature_degree" in integral.metadata():
-                continue
-            for number in data.subdomain_id:
-                key = (data.integral_type, number)
-                degree = int(np.max(integral.metadata()["estimated_polynomial_degree"]))
-                estimated[key] = max(estimated.get(key, 0), degree)
+        known = [integral.metadata() for integral in data.integrals]
+        known = [metadata["estimated_polynomial_degree"] for metadata in known if "quadrature_degree" not in metadata]
+        if known:
+            estimated |= {(data.integral_type, number): int(max(map(np.max, known))) for number in data.subdomain_id}
 
     def as_assembled(integral: Any) -> Any:
         numbers = integral.subdomain_id()

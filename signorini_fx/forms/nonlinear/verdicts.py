@@ -170,10 +170,7 @@ def _unstable_direction(matrix: PETSc.Mat, factor: PETSc.PC) -> Array:
 
 
 def overlap(foundations: MovingFoundations, last: State) -> str:
-    """Of shapes, since the ``last`` solution, or what there is before; collective.
-
-    Before there is a solution a shape comes from where it is given, if it is outside of the body there.
-    """
+    """Of shapes, since the ``last`` solution, or else since they were given outside of the body; collective."""
     cells, solved = foundations.cells, last.certificate is not None
     now, then = cells.placed(foundations.at.x.array), cells.placed(last.displacement)
     for number, moving in foundations.moving.items():
@@ -192,8 +189,7 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
     """Of pairs, since the ``last`` solution, or what there is before; collective.
 
     The nodes of each side are looked for in the cells of other pieces of the mesh, at the end and on the straight way
-    to it.  In contact they may be there by what the chords of both sides leave: up to ``SHAPE_INSIDE`` of a facet of
-    the other side, and at the end no farther than the points of the pair look for partners.
+    to it.  Chords leave them there by up to ``SHAPE_INSIDE`` of a facet of the other side, at the end within reach.
     """
     if not foundations.sliding:
         return ""
