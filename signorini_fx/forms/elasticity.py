@@ -447,10 +447,8 @@ def exterior_facets(integral: Any, mesh: dmesh.Mesh) -> Facets:
         return np.asarray(dmesh.exterior_facet_indices(mesh.topology))
     if hasattr(data, "values"):
         return np.asarray(data.indices[np.isin(data.values, wanted)])
-    pairs = np.concatenate([np.empty(0, int), *(entities for number, entities in data if number in wanted)]).reshape(
-        -1, 2
-    )
+    pairs = np.concatenate([np.empty(0, int), *(entities for number, entities in data if number in wanted)])
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
     of_cell = mesh.topology.connectivity(dim, dim - 1)
-    return np.asarray(of_cell.array[of_cell.offsets[pairs[:, 0]] + pairs[:, 1]])
+    return np.asarray(of_cell.array[of_cell.offsets[pairs[::2]] + pairs[1::2]])

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from dolfinx import fem
 
@@ -99,13 +100,10 @@ def begun_path(
 ) -> tuple[LoadPath, Clock, MeshCheckpoint | None]:
     """The load steps of a run, what goes through their times, and their checkpoint, if there is one; collective."""
     path = path if isinstance(path, LoadPath) else LoadPath(tuple(path))
-    clock: Clock
-    if isinstance(at, fem.Constant) and at.value.ndim == 0:
-        clock = partial(setattr, at, "value")
-    elif isinstance(at, fem.Constant) or not callable(at):
+    scalar = isinstance(at, fem.Constant) and at.value.ndim == 0
+    clock: Any = partial(setattr, at, "value") if scalar else at
+    if isinstance(clock, fem.Constant) or not callable(clock):
         raise FormError([("at", f"must be a function of the time or a Constant with one value, not {kind_of(at)}")])
-    else:
-        clock = at
     if folder is None:
         if restart:
             raise FormError([("restart", "needs the folder of the checkpoint")])

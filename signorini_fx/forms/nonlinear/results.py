@@ -6,7 +6,7 @@ What a coarse mesh leaves in the state of a material counts as far as it makes t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -185,7 +185,7 @@ class SolvedBody:
         return cls(solved, mechanics, step)
 
 
-def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Finding]:
+def lost_digits(certificates: Sequence[Certificate], residual: str) -> Iterator[Finding]:
     """What round-off may hide at the ends of load steps, where that is more than a certificate allows; ``residual``:
     its name.  Steps with a small share of the farthest displacement are round-off, as where a body is back at rest.
     """
@@ -194,27 +194,25 @@ def lost_digits(certificates: Sequence[Certificate], residual: str) -> list[Find
     hidden, placed = (
         max((getattr(certificate, name) for certificate in judged), default=0.0) for name in ("lost", "placed")
     )
-    findings = list[Finding]()
     if hidden > CERTIFICATE_TOLERANCE:
         message = (
             f"round-off of the residual may hide errors of up to {hidden:.0e} of the forces, and of displacements as "
             "large: evaluate strains from grad u, without the difference of numbers near one such as I + grad u, or "
             "take a linear body, which one of such small strains is"
         )
-        findings.append(Finding("warning", residual, message))
+        yield Finding("warning", residual, message)
     if placed > CERTIFICATE_TOLERANCE:
         message = (
             f"contact is met at displaced points, whose round-off is {placed:.0e} of the displacement: forces and "
             "displacements may be wrong by as much: take a linear body, which one of such small displacements is, or "
             "for contact of two bodies sliding = 'small'"
         )
-        findings.append(Finding("warning", "contact", message))
-    return findings
+        yield Finding("warning", "contact", message)
 
 
-def slid_past_partners(linear: LinearisedProblem) -> list[Finding]:
+def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
     """A warning for each pair whose touching points have moved farther than partners may be kept; collective."""
-    findings, mesh, state = list[Finding](), linear.space.mesh, linear.state
+    mesh, state = linear.space.mesh, linear.state
     for number, entry in enumerate(linear.contact):
         if entry.against is None or entry.sliding or entry.bonded:
             continue
@@ -228,8 +226,7 @@ def slid_past_partners(linear: LinearisedProblem) -> list[Finding]:
                 f"{farthest / facet:.2g} facets: forces there may be wrong, and those on both sides act apart: let the "
                 "sides slide"
             )
-            findings.append(Finding("warning", f"contact[{number}].sliding", message))
-    return findings
+            yield Finding("warning", f"contact[{number}].sliding", message)
 
 
 def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> Array | str:

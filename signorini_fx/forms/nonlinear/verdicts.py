@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.spatial import cKDTree
 
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
@@ -147,26 +148,21 @@ def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
         preconditioner.getFactorMatrix().setMumpsIcntl(option, 1)
     preconditioner.setUp()
     negative = int(preconditioner.getFactorMatrix().getInertia()[0])
-    direction = _unstable_direction(matrix, preconditioner) if negative else np.zeros(matrix.getLocalSize()[0])
-    preconditioner.destroy()
-    matrix.destroy()
-    return negative, direction
-
-
-def _unstable_direction(matrix: PETSc.Mat, factor: PETSc.PC) -> Array:
-    """The eigenvector of the lowest eigenvalue of the inverse, shape (rows of this rank,); collective."""
-    from scipy.sparse.linalg import LinearOperator, eigsh  # imported by what needs it alone
-
     comm, (x, y), own = matrix.comm.tompi4py(), matrix.createVecs(), slice(*matrix.getOwnershipRange())
 
     def solved(values: Array) -> Array:
         x.getArray()[:] = values[own]
-        factor.apply(x, y)
+        preconditioner.apply(x, y)
         return parallel.gather_rows(comm, np.array(y.getArray(readonly=True)))
 
-    inverse, begin = LinearOperator(matrix.getSize(), matvec=solved), np.random.default_rng(0)
-    _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=NEGLIGIBLE)
-    return np.asarray(vectors[own, 0])
+    direction = np.zeros(matrix.getLocalSize()[0])
+    if negative:  # the eigenvector of the lowest eigenvalue of the inverse
+        inverse, begin = LinearOperator(matrix.getSize(), matvec=solved), np.random.default_rng(0)
+        _, vectors = eigsh(inverse, k=1, which="SA", v0=begin.standard_normal(inverse.shape[0]), tol=NEGLIGIBLE)
+        direction = vectors[own, 0]
+    preconditioner.destroy()
+    matrix.destroy()
+    return negative, direction
 
 
 def overlap(foundations: MovingFoundations, last: State) -> str:
