@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,15 +47,6 @@ from signorini_fx.solving.load_steps import BegunStep, SteppedBody, first_start
 
 if TYPE_CHECKING:
     from signorini_fx.results.mechanics import StepResult
-
-
-@dataclass(frozen=True)
-class StepBeginning:
-    """Where a step of a ``ContactProblem`` begins, whatever is tried from there."""
-
-    last: StepEnd | None
-    solution: LastSolution | None
-    settled: dict[int, Any]  # the shapes of foundations at the end of the last step
 
 
 class FormSolver:
@@ -158,14 +149,6 @@ class FormSolver:
         begun = replace(begun, factors=np.ones(1))
         self._checkpoint = self.task.newton.checkpoint()
         return begun if self._solution is None else self._solution.begins(begun, self.boundary)
-
-    def beginning(self) -> StepBeginning:
-        """Where the present step begins, whatever is tried from there."""
-        return StepBeginning(self._last, self._solution, self.foundations.settled)
-
-    def return_to(self, beginning: StepBeginning) -> None:
-        """The next solve begins there, with the foundations where they are."""
-        self._last, self._solution, self.foundations.settled = beginning.last, beginning.solution, beginning.settled
 
     def advance(self) -> None:
         """End a step, see ``ContactProblem.advance``."""

@@ -12,7 +12,7 @@ from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.errors import FormError, SceneError
-from signorini_fx.forms.solver import FormSolver, StepBeginning, options_applied
+from signorini_fx.forms.solver import FormSolver, options_applied
 from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Status, Timings
@@ -32,12 +32,10 @@ class FormSteps(SteppedBody):
 
     solver: FormSolver
     clock: Clock
-    beginning: StepBeginning
 
     def begun(self, path_step: float, task: Task, first: Start, end: StepEnd | None) -> BegunStep:
         """From the end of the last load step, which the solver has kept."""
         solver = self.solver
-        solver.return_to(self.beginning)
         with self.timings.phase("assemble"):
             self.clock(self.path.time_at(path_step))
             start = solver.begin_step()
@@ -52,7 +50,7 @@ class FormSteps(SteppedBody):
     def ended(self, end: StepEnd) -> FormSteps:
         """The next load step begins as after ``advance``."""
         self.solver.end_at(end)
-        return replace(self, beginning=self.solver.beginning())
+        return self
 
 
 def solve_path(
@@ -69,7 +67,7 @@ def solve_path(
         clock(path.time_at(increments.next))
         with solver.timings.phase("assemble"):
             solver.begun = start = solver.begin_step()
-        body = FormSteps(solver.model(path), path, solver.timings, solver, clock, solver.beginning())
+        body = FormSteps(solver.model(path), path, solver.timings, solver, clock)
         progress = StepProgress(body, solver.task, start, increments)
         progress.all(lambda step: on_step(step.result), stored)
     return progress

@@ -21,7 +21,6 @@ from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import fitting
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.nonlinear.results import ResidualBody
-from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.body.discretisation import boundary_facets, held_at, prepare
@@ -188,15 +187,14 @@ class ProblemOfScene(NonlinearContactProblem):
 
     def reached(self) -> ReachedStep:
         """The load step that has just ended."""
-        begun = self._solver.begun
-        assert begun is not None
-        return ReachedStep(self.path_step, self._solver.snapshot(), begun)
+        assert self._solver.last is not None
+        return ReachedStep(self.path_step, self._solver.last)
 
     def linearised(self, step: ReachedStep) -> tuple[Any, ...]:
         """An earlier load step with its linearised problem, see ``linearised_at``; collective."""
         self.go_to(step.path_step)
         self._solver.go_back(step.end)
-        self._solver.begun = step.begun
+        self._solver.last = step.end
         return linearised_at(self._solver, self.linear)
 
     def begin_at(self, path_step: float) -> None:
@@ -237,7 +235,6 @@ class ReachedStep:
 
     path_step: float  # its place in the lists of factors
     end: State  # the body at its end
-    begun: StepBeginning
 
 
 @dataclass(frozen=True, kw_only=True)

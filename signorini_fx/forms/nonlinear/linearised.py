@@ -54,7 +54,7 @@ from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.results.step_frames import LastSolution
+from signorini_fx.results.step_frames import LastSolution, StepEnd
 from signorini_fx.tuned import NO_FORCE, RETAINED_REACH, UNITS_OF_NO_LOAD
 
 Array = npt.NDArray[np.float64]
@@ -72,6 +72,8 @@ class State:
     iterations: int
     shapes: dict[int, Any]  # by the numbers of their foundations
     tools: Array  # coordinates, see ``MovingTools``
+    before: StepEnd | None  # the end of the step before it
+    settled: dict[int, Any]  # the shapes there
 
 
 class MovingFoundations(Foundations):
@@ -501,8 +503,9 @@ class LinearisedProblem(FormSolver):
         other.foundations = copy(self.foundations)
         return other
 
-    def derivative_at_solution(self) -> tuple[Any, ...]:
+    def derivative_at(self, last: State) -> tuple[Any, ...]:
         """The last solution with the derivative of its contact problem there, see ``SolvedStep.of``; collective."""
+        self._last, self.foundations.settled = last.before, last.settled
         outcome, solved, symmetric = self.outcome, self.state, self.symmetric
         assert outcome is not None
         self.bend()
@@ -560,7 +563,8 @@ class LinearisedProblem(FormSolver):
         """What there is now."""
         shapes, tools = {k: moving.shape for k, moving in self.foundations.moving.items()}, self.foundations.coordinates
         solution = self._state, self.outcome, self._solution
-        return State(self.at.x.array.copy(), *solution, certificate, iterations, shapes, tools)
+        before = self._last, self.foundations.settled
+        return State(self.at.x.array.copy(), *solution, certificate, iterations, shapes, tools, *before)
 
     def go_back(self, state: State) -> None:
         """Go back to an earlier solution; shapes stay where they are, but for those that forces move; collective."""

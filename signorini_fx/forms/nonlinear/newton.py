@@ -23,7 +23,6 @@ from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, State
 from signorini_fx.forms.nonlinear.residual import round_off
 from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, certified
 from signorini_fx.forms.nonlinear.verdicts import Stability, overlap, overlap_of_bodies
-from signorini_fx.forms.solver import StepBeginning
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
 from signorini_fx.records import Status, Timings
@@ -69,7 +68,6 @@ class EquilibriumSolver(Stability):
     tangent_at: tuple[Array, Array] = field(init=False)  # of the last tangent: values of u, coordinates of tools
     last: State | None = None  # the last solution that was taken, or what there was before; None: nothing was tried
     solved: SolvedBody | None = None  # the last solution that was taken, for results
-    begun: StepBeginning | None = None  # where the step of that begins
     timings: Timings = field(default_factory=Timings)
     farthest: float = 0.0  # the largest displacement of solutions that were taken, relative to the size of the body
     _tried: Array | None = None  # see ``reason_for_none``
@@ -150,7 +148,6 @@ class EquilibriumSolver(Stability):
         assert self.certificate is not None
         self.last, self.farthest = self.snapshot(), max(self.farthest, self.certificate.displacement)
         self.solved = SolvedBody.of(self.linear, self.certificate, self._mechanics, self.linear_solves)
-        self.begun = self.linear.beginning()
 
     def take_before(self, status: Status, solves: int) -> None:
         """Show the body as it is, without contact, in place of a first solution that there is not, unless it cannot be

@@ -273,15 +273,12 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
             raise FormError([(f"contact[{number}]", "derivatives are not possible yet where two bodies touch")])
     if linear.foundations.coordinates.size:
         raise FormError([("contact", "derivatives are not possible yet where forces move a foundation")])
-    begun = solver.begun
-    assert begun is not None
-    advanced = linear.beginning().last is not begun.last
-    if residual.update is not None and (advanced or linear.step > 0):
+    if residual.update is not None and linear.step > 0:
         why = "the solution depends on the state of the material before it, whose derivatives are not kept"
         raise RuntimeError(f"{why}: ask for derivatives of the first step, before advance()")
     values = solver.u.x.array.copy()
     residual.go_to(values)
     if not solver.leads(values):
         raise FormError([("J", "is not the derivative of F at the solution: leave it out, or mend it")])
-    linear.return_to(begun)
-    return linear.derivative_at_solution()
+    assert solver.last is not None
+    return linear.derivative_at(solver.last)

@@ -19,8 +19,6 @@ import ufl
 from dolfinx import fem
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
-from ufl.algorithms.map_integrands import map_integrand_dags
-from ufl.corealg.multifunction import MultiFunction
 
 from signorini_fx.algebra import Settings
 from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
@@ -254,8 +252,9 @@ def stress_of(residual: Any, u: fem.Function) -> fem.Function:
     tensor = ufl.as_matrix([[tested[i * columns + j] for j in range(columns)] for i in range(rows)])
     lowered = apply_derivatives(apply_algebra_lowering(residual))
     over_cells = ufl.Form([integral for integral in lowered.integrals() if integral.integral_type() == "cell"])
+    (v,) = residual.arguments()
     with compiling():
-        moments = fem.form(map_integrand_dags(_GivenGradient(tensor), over_cells))
+        moments = fem.form(ufl.replace(over_cells, {ufl.grad(v): tensor, v: ufl.zero(v.ufl_shape)}))
         mass = fem.assemble_matrix(fem.form(product * ufl.dx)).to_scipy()
     owned = scalar.dofmap.index_map.size_local
     stress = fem.Function(space)
@@ -264,19 +263,3 @@ def stress_of(residual: Any, u: fem.Function) -> fem.Function:
         stress.x.array[: values.size] = scipy.sparse.linalg.splu(mass[:owned, :owned].tocsc()).solve(values).ravel()
     stress.x.scatter_forward()
     return stress
-
-
-class _GivenGradient(MultiFunction):  # type: ignore[misc]  # UFL has no types
-    """A tensor in the place of the gradient of an argument, and zero in that of the argument itself."""
-
-    expr = MultiFunction.reuse_if_untouched
-
-    def __init__(self, tensor: Any) -> None:
-        super().__init__()
-        self._tensor = tensor
-
-    def grad(self, gradient: Any) -> Any:
-        return self._tensor if isinstance(gradient.ufl_operands[0], ufl.Argument) else gradient
-
-    def argument(self, argument: Any) -> Any:
-        return ufl.zero(argument.ufl_shape)
