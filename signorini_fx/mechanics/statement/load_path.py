@@ -46,6 +46,16 @@ def factor_at(factors: Sequence[float], step: float) -> float:
     return float(np.interp(step, np.arange(-1, len(factors)), (0.0, *factors)))
 
 
+def time_at(times: Sequence[float], step: float) -> float:
+    """The time of a place, from the times of the factors."""
+    time = factor_at(times, step)
+    if step == int(step):
+        return time
+    # Places have twelve digits: thirds that add up leave the last two uncertain.
+    span = times[-1] - min(times[0], 0.0)
+    return round(time, 10 - floor(log10(span)) if span > 0 else 10)
+
+
 def next_place(reached: float, increment: float) -> float:
     """The place beyond another one by an increment, which does not lead beyond the next factor."""
     station, end = floor(reached + SAME_LENGTH) + 1.0, round(reached + increment, _DIGITS)
@@ -98,12 +108,7 @@ class LoadPath:
 
     def time_at(self, step: float) -> float:
         """The time of a place."""
-        time = factor_at(self.times, step)
-        if step == int(step):
-            return time
-        # Places have twelve digits: thirds that add up leave the last two uncertain.
-        span = self.times[-1] - min(self.times[0], 0.0)
-        return round(time, 10 - floor(log10(span)) if span > 0 else 10)
+        return time_at(self.times, step)
 
     def name_at(self, step: float) -> str:
         """The name of the load step that a place belongs to or that a ramp leads to; "" without names."""

@@ -13,7 +13,7 @@ from typing import Any, Self, TypeVar
 
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.mechanics.statement.effect import Effect, Force, Load
-from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, counted_path, factor_at
+from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at, time_at
 from signorini_fx.mechanics.statement.rigid_motion import RigidBody, rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
 from signorini_fx.mechanics.statement.units import unit_names
@@ -181,7 +181,7 @@ class Statement:
     @property
     def several_steps(self) -> bool:
         """Whether there may be more than one load step."""
-        return self.path.several
+        return self.steps > 1 or self.load_steps.steps is not None
 
     def factors_of(self, effect: Effect) -> tuple[float, ...]:
         """The factors of a load; those of an effect that load steps do not change are 1."""
@@ -215,14 +215,17 @@ class Statement:
 
     def time_at(self, step: float) -> float:
         """The time of a place in the lists of factors, see ``statement.load_path``."""
-        return self.path.time_at(step)
+        return time_at(self._times, step)
 
     @cached_property
+    def _times(self) -> tuple[float, ...]:
+        return self.load_steps.times or tuple(map(float, range(1, self.steps + 1)))
+
+    @property
     def path(self) -> LoadPath:
         """The load steps, without the loads."""
-        given = self.load_steps
-        times = given.times or counted_path(self.steps - 1).times
-        return LoadPath(times, given.names or (), given.steps, from_nothing=self.grows_from_nothing)
+        names = self.load_steps.names or ()
+        return LoadPath(self._times, names, self.load_steps.steps, from_nothing=self.grows_from_nothing)
 
     @property
     def sides(self) -> tuple[list[str], list[str | None] | None]:
