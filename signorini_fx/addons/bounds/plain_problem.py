@@ -98,7 +98,7 @@ class PlainProblem:
         turned = np.linalg.det(x[corners][:, 1:] - x[corners][:, :1]) < 0
         order = np.where(turned[:, None], [*range(d - 1), d, d - 1], np.arange(d + 1))
         t = Simplices(x, np.take_along_axis(corners, order, axis=1), _moduli(rows, d))
-        y = np.zeros((len(x) + len(t.edges), d))
+        y: Array = np.zeros((len(x) + len(t.edges), d))
         y[np.column_stack((corners, len(x) + np.searchsorted(t.keys(t.edges), t.keys(ends))))] = rows["displacement"]
         self._given, self.t, self.y, self._halves = t, t, y, np.arange(len(t.facets))[:, None]
         if d == 2 and model.space.element.basix_element.degree == 2:

@@ -148,7 +148,8 @@ class Deck:
     def label(self, kind: str, name: str) -> str | None:
         """The name of a boundary, surface, region or set of nodes of the file, whatever its case."""
         of_body = {"boundary": self.mesh.boundaries, "region": self.mesh.regions}
-        named = {"surface": self.model.surfaces, "nodes": self.model.raw.node_sets, **of_body}[kind]
+        names: dict[str, Any] = {"surface": self.model.surfaces, "nodes": self.model.raw.node_sets, **of_body}
+        named = names[kind]
         spelt = self.model.spelt.get(name.upper(), name)
         empty = kind in ("boundary", "surface") and not len(named.get(spelt, ()))
         return None if empty or spelt not in named else spelt

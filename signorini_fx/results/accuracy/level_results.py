@@ -31,6 +31,7 @@ class LevelResult(Price):
 
     model_config = ConfigDict(arbitrary_types_allowed=True)
 
+    energy: float
     force: Number = None
     zone: Number = None
     peak: Number = None
