@@ -144,17 +144,13 @@ def functional_of(model: Model, text: str) -> Functional:
     Raises:
         SceneError: it is not known, or has no derivative.
     """
+    known = {request.split()[0]: find for request, find in DIFFERENTIABLE.items()}
     try:
         name, *words = shlex.split(text)
-    except ValueError:
-        name, words = text, []
-    for request, find in DIFFERENTIABLE.items():
-        if request.split()[0] == name:
-            try:
-                return find(model, *words)
-            except (TypeError, ValueError):  # the words do not fit
-                break
-    raise SceneError([(f"of {text!r}", f"is no result; there are {', '.join(map(repr, DIFFERENTIABLE))}")])
+        return known[name](model, *words)
+    except (KeyError, TypeError, ValueError):  # there is none of this name, or the words do not fit
+        there = ", ".join(map(repr, DIFFERENTIABLE))
+        raise SceneError([(f"of {text!r}", f"is no result; there are {there}")]) from None
 
 
 def _force(model: Model, boundary: str, axis: str) -> Functional:
@@ -225,9 +221,7 @@ DIFFERENTIABLE: dict[str, Callable[..., Functional]] = {
 
 
 def _axis_of(dimension: int, name: str) -> int:
-    if len(name) != 1:
-        raise ValueError(name)
-    return "xyz"[:dimension].index(name)
+    return list("xyz"[:dimension]).index(name)
 
 
 def _contact_of(statement: Statement, boundary: str) -> int:

@@ -222,12 +222,11 @@ def panels_of(boundary: PlaneBoundary, side: str) -> list[Panel]:
 def boundary_profiles(table: ContactTable) -> Figure:
     """Draw the curves along the contact boundary, one block per boundary.
 
-    Left: contact pressure lambda, and below it the normal displacement
-    and the rigid foundation, or how far the other body is.  Right: shear stress mu with its bounds, and below it the
-    tangential displacement; where there is one also around the axis.  Stresses and lengths have axes of their own.
-    Foundation and bounds are cut off where they lie far beyond the other curves.  The strip shows the state of the
-    contact.  Without friction there is only the left column.  If little of a boundary is in contact, only the
-    surroundings of that part are drawn, and the coordinate says so.
+    Left: contact pressure lambda, and below it the normal displacement and the rigid foundation, or how far the other
+    body is.  Right, with friction: shear stress mu with its bounds, and below it the tangential displacement; where
+    there is one also around the axis.  Foundation and bounds are cut off where they lie far beyond the other curves.
+    The strip shows the state of the contact.  If little of a boundary is in contact, only the surroundings of that part
+    are drawn, and the coordinate says so.
     """
     boundaries = [boundary.near() for boundary in boundaries_of(table)]
     rubs = any(boundary.has_friction for boundary in boundaries)

@@ -100,12 +100,10 @@ def contact_surface(table: Table, facets: Rows) -> Figure:
     """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
     Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear stress mu as arrows.
-    If a singular edge would leave the rest dark, the scale ends at the pressure that is not exceeded on 99 % of the
-    contact area.  Below: the state of each node in the area halfway to its neighbours, and the slip as arrows,
-    magnified as stated in the panel.
-    If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows that part,
-    and says so.  Without friction: only pressure.  ``table``: columns of ``contact.csv``; ``facets``: its rows at each
-    facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
+    Below: the state of each node in the area halfway to its neighbours, and the slip as arrows, magnified as stated in
+    the panel.  If there are many arrows, some are left out.  If little of the boundary is in contact, the picture shows
+    that part, and says so.  Without friction: only pressure.  ``table``: columns of ``contact.csv``; ``facets``: its
+    rows at each facet in the order of VTK, shape (m, 3), (m, 4) or (m, 9).
     """
     sides = [side for side in sides_of(table, facets) if side.polygons.size]
     windows = [_window(side) for side in sides]

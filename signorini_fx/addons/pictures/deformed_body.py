@@ -32,16 +32,10 @@ def deformed_mesh(
 ) -> tuple[Figure, str]:
     """Draw the deformed mesh on its foundation, a field in colours; and say what is magnified.
 
-    A displacement that is magnified needs a gap that is magnified alike, or the body would seem to enter the
-    foundation.  That is a true picture as long as the gap hardly varies.  Where the magnified gap would bend the
-    foundation visibly, as under a disk on a plane, body and foundation are drawn as they are.  Where contact is on a
-    small part of the body, a second panel shows that part as it is.
-
-    Colours vary within each cell, and jump between cells only where the values do.  The edges of the cells are drawn if
-    the mesh is coarse enough to see them; the body's outline always is.  Where a singular corner would leave the rest
-    of the body without colour, the scale ends at the value that 99 % of the area stays below; an arrow at the colour
-    bar says that there is more.  A circle marks the largest value, and a gray line is the outline of the undeformed
-    body, whose coordinates stand at the axes.  ``name``: of the field, in ``FIELDS``.
+    Where contact is on a small part of the body, a second panel shows that part as it is.  Colours vary within each
+    cell, and jump between cells only where the values do.  The edges of the cells are drawn if the mesh is coarse
+    enough to see them; the body's outline always is.  A circle marks the largest value, and a gray line is the outline
+    of the undeformed body, whose coordinates stand at the axes.  ``name``: of the field, in ``FIELDS``.
     """
     factor = magnification(body, foundations)
     seen = _window(body, factor, _lines(foundations, factor))

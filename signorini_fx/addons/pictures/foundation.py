@@ -105,7 +105,8 @@ def magnification(body: DrawnBody, foundations: Sequence[Foundation]) -> float:
 
     It is 1, 2 or 5 times a power of ten.  Two bodies that touch seem to be apart, or to overlap, by at most 0.3 % of
     the diagonal.  It is 1 for a body that does not move but for round-off of its size, or whose displacement is seen as
-    it is, above 3 % of the diagonal; and where it would bend a rigid foundation visibly, whose gap is magnified alike.
+    it is, above 3 % of the diagonal; and where it would bend a rigid foundation visibly, as under a disk on a plane:
+    its gap is magnified alike, or the body would seem to enter it.
     """
     largest = float(np.linalg.norm(body.displacement, axis=1).max(initial=0.0))
     if not (math.isfinite(largest) and largest > np.finfo(np.float64).eps * body.size):

@@ -93,8 +93,8 @@ def mark_largest(axes: Axes, point: Floats, text: str, *, behind: bool = False) 
 
 
 def usual_range(values: Floats, area: Floats, *, signed: bool = False) -> tuple[float, float]:
-    """Lowest and highest value of a scale that contains zero; where these are far off, what is beyond 99 % of the area
-    at either end has the last colour; ``signed``: whether the scale may begin below zero.
+    """Lowest and highest value of a scale that contains zero; where these are far off, as at a singular corner, what is
+    beyond 99 % of the area at either end has the last colour; ``signed``: whether the scale may begin below zero.
     """
     finite = np.isfinite(values)
     values, area = values[finite], area[finite]

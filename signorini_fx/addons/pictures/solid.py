@@ -68,12 +68,10 @@ def deformed_solid(
 ) -> tuple[Figure, str]:
     """Draw the outer surface of a deformed body in 3D on its foundation; and say what is magnified.
 
-    If a singular edge would leave the rest without colour, the scale ends at the value that is not exceeded on 99 % of
-    the visible area.  Dark lines on the body are its sharp edges, gray ones those of the undeformed body; the edges of
-    the facets are drawn if they are large enough to see them.  Arrows show the axes, and how long the undeformed body
-    is along each.  A circle marks the largest value; it is open where it is behind the surface that is seen.  A
-    foundation is gray, and seen from the side of the body only.  As in 2D the gap is magnified with the displacement,
-    and nothing is where that would bend the foundation visibly.
+    Dark lines on the body are its sharp edges, gray ones those of the undeformed body; the edges of the facets are
+    drawn if they are large enough to see them.  Arrows show the axes, and how long the undeformed body is along each.
+    A circle marks the largest value; it is open where it is behind the surface that is seen.  A foundation is gray, and
+    seen from the side of the body only.
 
     Raises:
         PictureError: PyVista is missing.
