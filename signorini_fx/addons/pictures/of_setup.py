@@ -12,6 +12,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from signorini_fx.addons.pictures.body import normals_of
 from signorini_fx.addons.pictures.rigid_shapes import lines_of
 from signorini_fx.addons.pictures.setup import NamedBoundary, Setup
 from signorini_fx.addons.pictures.style import Floats
@@ -115,15 +116,12 @@ def _corners(tagged: TaggedMesh, dim: int, entities: npt.NDArray[np.int32]) -> F
 
 def _boundary(tagged: TaggedMesh, name: str, acting: list[Effect], time: float) -> NamedBoundary:
     """A boundary with what acts on it, on the first rank; collective."""
-    corners, normals = _sides(tagged, tagged.facets(name))
-    middles = corners.mean(axis=1)
+    corners, areas = _sides(tagged, tagged.facets(name))
+    sizes = np.linalg.norm(areas, axis=1)
+    middles, normals = corners.mean(axis=1), areas / sizes[:, None]
 
     def whole(effect: Any) -> float:
         """By one point on each facet, which is enough for arrows."""
-        first, last = corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0]
-        sizes = np.linalg.norm(first if corners.shape[1] == 2 else np.cross(first, last), axis=1)
-        if corners.shape[1] == 3:
-            sizes = sizes / 2
         return float(parallel.global_sum(tagged.mesh.comm, np.array(sizes @ on.value(effect.spread))))
 
     on = SampledPoints(middles.T, normals.T, whole)
@@ -158,18 +156,17 @@ def _density(load: Force, on: SampledPoints) -> Floats:
 
 
 def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
-    """Corners of facets, in 3D counterclockwise as seen from outside, shape (f, k, d), and outward unit normals of
-    the plane through the first of them, shape (f, d).
+    """Corners of facets, in 3D counterclockwise as seen from outside, shape (f, k, d), and outward normals as long as
+    their areas, shape (f, d).
     """
     mesh, dim = tagged.mesh, tagged.dimension
     corners = _corners(tagged, dim - 1, facets)
-    along = corners[:, 1] - corners[:, 0]
     if dim == 2:
-        normals = np.column_stack((along[:, 1], -along[:, 0]))
+        areas = (corners[:, 1] - corners[:, 0])[:, ::-1] * (1.0, -1.0)
     else:
-        normals = np.asarray(np.cross(along, corners[:, 2] - corners[:, 0]))
+        areas = normals_of(corners.reshape(-1, 3), np.arange(corners[..., 0].size).reshape(corners.shape[:2]))
     inside = mesh.geometry.x[geometry_cells(mesh)[facet_entities(mesh, facets)[:, 0]], :dim].mean(axis=1)
-    inwards = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - inside) < 0
+    inwards = np.einsum("ij,ij->i", areas, corners.mean(axis=1) - inside) < 0
     corners[inwards] = corners[inwards, ::-1]
-    normals[inwards] *= -1
-    return corners, np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
+    areas[inwards] *= -1
+    return corners, areas
