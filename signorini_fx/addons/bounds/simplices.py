@@ -108,19 +108,15 @@ class Simplices:
         return vertices @ len(self.x) ** np.arange(vertices.shape[-1])[::-1]
 
     @cached_property
-    def edges_of_facets(self) -> Ints:
-        """Edges of each facet in the order of ``EDGES_OF_FACET``, shape (f, 1 or 3)."""
-        return np.searchsorted(self.keys(self.edges), self.keys(self.facets[:, EDGES_OF_FACET[self.dimension]]))
-
-    @cached_property
     def nodes_of(self) -> Ints:
         """Vertices, and edges after all vertices, of each cell, shape (n, 6 or 10)."""
         return np.column_stack((self.corners, len(self.x) + self.edges_of))
 
     @cached_property
     def nodes_of_facets(self) -> Ints:
-        """The same of each facet, shape (f, 3 or 6)."""
-        return np.column_stack((self.facets, len(self.x) + self.edges_of_facets))
+        """The same of each facet, edges in the order of ``EDGES_OF_FACET``, shape (f, 3 or 6)."""
+        edges = np.searchsorted(self.keys(self.edges), self.keys(self.facets[:, EDGES_OF_FACET[self.dimension]]))
+        return np.column_stack((self.facets, len(self.x) + edges))
 
     def with_middles(self, y: Array) -> Array:
         """Values at nodes, the middles of edges after the vertices, of what is linear on the cells, from vertices."""

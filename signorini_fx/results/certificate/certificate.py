@@ -273,10 +273,11 @@ def contact_conditions(
     way = np.divide(xi, slipped[:, None], out=np.zeros_like(xi), where=(slipped > 0)[:, None])
     along = np.sum(shear * way, axis=1)
     astray = np.linalg.norm(shear - np.maximum(along, 0.0)[:, None] * way, axis=1)
-    # What is across a plane of symmetry, or along the normal, is no friction.
-    excluded = np.hypot(
-        np.linalg.norm(nodes.shear_across, axis=1), np.linalg.norm(nodes.shear - nodes.along(nodes.shear), axis=1)
-    )
+    # What is along the normal, or across a plane of symmetry, is no friction.
+    excluded = np.linalg.norm(nodes.shear - nodes.along(nodes.shear), axis=1)
+    for pair, part in nodes.of_pairs:
+        across = np.einsum("nij,nj->ni", pair.across, nodes.shear[part])
+        excluded[part] = np.hypot(excluded[part], np.linalg.norm(across, axis=1))
     figures = {
         "negative_pressure": (-pressure[~bilateral], stress[~bilateral]),
         "friction_cone": (np.maximum(sheared - nodes.bound, excluded), stress),

@@ -174,11 +174,3 @@ class ContactNodes(ContactConditions):
             np.linalg.norm(np.where(free, np.einsum("nij,ni->nj", axes, part), 0.0), axis=1) for part in tractions
         )
         return np.minimum(np.maximum(pressure, shear), both)
-
-    @property
-    def shear_across(self) -> Nodal:
-        """The shear across planes of symmetry, of which there is none, stress, shape (n, d)."""
-        across = np.zeros_like(self.shear)
-        for pair, part in self.of_pairs:
-            across[part] = np.einsum("nij,nj->ni", pair.across, self.shear[part])
-        return across
