@@ -38,6 +38,7 @@ class Plan:
     remade: bool = False
 
 
+_SOLIDS = {"tetrahedron", "hexahedron"}
 # What can be divided in place of cells that cannot.
 _SIMPLEX = {"quadrilateral": ("quadrilaterals", "triangle"), "hexahedron": ("hexahedra", "tetrahedron")}
 
@@ -129,15 +130,9 @@ def _curved(scene: Scene, goal: Accuracy) -> Scene:
     """In 2D with elements and cells of degree 2, if generators with arcs make all meshes; else as it is."""
     if goal.refinement != "auto" or goal.of not in LOCAL:
         return scene
-    curved = []
-    for mesh in scene.meshes:
-        if not isinstance(mesh, MeshGenerator):
-            return scene
-        solid = mesh.cells[:1] in (("tetrahedron",), ("hexahedron",))
-        if mesh.curved is None or solid:
-            return scene
-        curved.append(mesh.curved)
-    return _of_degree_2(scene).with_meshes(curved)
+    flat = [mesh for mesh in scene.meshes if isinstance(mesh, MeshGenerator) and _SOLIDS.isdisjoint(mesh.cells[:1])]
+    curved = [mesh.curved for mesh in flat if mesh.curved is not None]
+    return _of_degree_2(scene).with_meshes(curved) if len(curved) == len(scene.meshes) else scene
 
 
 def _divides(goal: Accuracy, scene: Scene, cell: str, *, straight: bool) -> bool:
@@ -162,7 +157,7 @@ def _planned_generator(scene: Scene, goal: Accuracy) -> Plan:
             f"the arcs of {scene.mesh.generator} would stay the polygon that they are on the first mesh: use 'uniform'"
         )
         raise SceneError([("accuracy.refinement", message)])
-    if cell in ("tetrahedron", "hexahedron"):
+    if cell in _SOLIDS:
         local = _divides(goal, scene, cell, straight=triangles is not None)
         takes = local and goal.refinement == "auto" and goal.of == "energy"
         return Plan(_of_degree_2(scene) if takes else scene, local)
