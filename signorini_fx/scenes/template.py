@@ -42,8 +42,8 @@ class _ForEditors(GenerateJsonSchema):
 
     def default_schema(self, schema: Any) -> Any:
         described = super().default_schema(schema)
-        if not isinstance(described["default"], str | int | float):
-            del described["default"]
+        if not isinstance(described.get("default"), str | int | float):
+            described.pop("default", None)
         return described
 
     def tuple_schema(self, schema: Any) -> Any:

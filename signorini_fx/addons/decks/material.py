@@ -174,16 +174,14 @@ def has_rubber(deck: Deck) -> bool:
 def obstacle_of(deck: Deck, contacts: Sequence[Mapping[str, Any]], *, heated: bool) -> str:
     """The part of a scene that excludes nonlinear materials; "": there is none."""
     finite = deck.nonlinear is not None or has_rubber(deck)
-    for wrong, words in (
-        (any("overclosure" in contact for contact in contacts), "with soft contact"),
-        (deck.hypothesis == "plane stress", "in plane stress"),
+    obstacles = {
+        "with soft contact": any("overclosure" in contact for contact in contacts),
+        "in plane stress": deck.hypothesis == "plane stress",
         # CalculiX takes alpha T from grad u there: another material than one that expands and is deformed then.
-        (heated and finite, "with temperature at finite strains"),
-        (bool(deck.bolts), "with a preload"),
-    ):
-        if wrong:
-            return words
-    return ""
+        "with temperature at finite strains": heated and finite,
+        "with a preload": bool(deck.bolts),
+    }
+    return next((words for words, there in obstacles.items() if there), "")
 
 
 def is_nonlinear(deck: Deck, obstacle: str) -> bool:
