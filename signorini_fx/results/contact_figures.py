@@ -1,8 +1,7 @@
 """Figures of contact boundaries, the friction that loads use, and the forces through tightened sections.
 
-Where a boundary closes around a body, such as the seat of a hub on its shaft, its pressures balance each other, and its
-shears may turn the body without pushing it: the resultants are round-off then, while the moment of friction about the
-middle of the boundary is what the fit is made for.
+Where a boundary closes around a body, as the seat of a hub on its shaft does, resultants are round-off: there the
+moment of friction about the middle of the boundary is what the fit is made for.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics import CARTESIAN
 from signorini_fx.mechanics.loads.initial_strains import jumps_in
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.summary import ContactFigures, SectionForce
@@ -32,7 +30,6 @@ Array = npt.NDArray[np.float64]
 def contact_figures(statement: Statement, contact: ContactState) -> list[ContactFigures]:
     """The figures of each contact boundary, in the order of the scene; collective."""
     boundary, comm = contact.boundary, contact.boundary.comm
-    shear = -boundary.nodal_forces(np.zeros_like(contact.pressure), contact.shear)
     figures = []
     uniform = statement.kinematics.uniform and boundary.kinematics.uniform
     for part, effect in enumerate(statement.contact):
@@ -43,9 +40,8 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
         sums = np.array(
             [weight.sum(), weight @ closed, closed.sum(), weight @ pressure, weight @ contact.bound[on_part]]
         )
-        total = parallel.global_sum(comm, np.concatenate((sums, shear[on_part].sum(axis=0))))
-        area, touching, count, normal, limit = map(float, total[:5])
-        resultant = total[5:]
+        area, touching, count, normal, limit = map(float, parallel.global_sum(comm, sums))
+        reaction, resultant = contact.forces_of_each[part]
         tangential = float(np.linalg.norm(resultant))
         if tangential <= ZERO_IN_SOLUTION * max(abs(normal), limit if np.isfinite(limit) else 0.0):
             tangential = 0.0
@@ -60,8 +56,8 @@ def contact_figures(statement: Statement, contact: ContactState) -> list[Contact
                 touching_nodes=round(count),
                 pressure_integral=normal,
                 mean_pressure=normal / touching if touching > 0 else None,
-                contact_force=(contact.forces_of_each[part, 0] + 0.0).tolist(),
-                friction_force=(contact.forces_of_each[part, 1] + 0.0).tolist(),
+                contact_force=(reaction + 0.0).tolist(),
+                friction_force=(resultant + 0.0).tolist(),
                 max_pressure=parallel.largest(comm, pressure, -np.inf),
                 tangential_force=tangential,
                 friction_limit=limit,
@@ -135,19 +131,17 @@ def load_on(model: Model, step: float) -> Nodal:
     return total_work(loads, motions.free.shape[1])
 
 
-def section_forces(
-    statement: Statement, tagged: TaggedMesh, displacement: fem.Function, step: float
-) -> list[SectionForce]:
+def section_forces(model: Model, displacement: fem.Function, step: float) -> list[SectionForce]:
     """The force through each section that a scene shortens, a tension: with the jump J of a shortening of one, which is
     that of the cells beyond the section alone, the work of the stress there on J without that of the loads in these
     cells; loads on their surface do not count; collective.
     """
     from signorini_fx.results.certificate.nodal_forces import NodalForces
 
-    if not statement.preloads:
+    if not model.statement.preloads:
         return []
-    nodal = NodalForces(statement, tagged, displacement.function_space)
+    nodal = NodalForces.on(model)
     return [
         SectionForce(name=jump.entry.name, force=nodal.through(jump, displacement, step), shortening=jump.amount(step))
-        for jump in jumps_in(statement, tagged, displacement.function_space)
+        for jump in jumps_in(model.statement, model.tagged, model.space)
     ]

@@ -276,7 +276,7 @@ class Solution:
     @cached_property
     def preloads(self) -> list[SectionForce]:
         """The forces through sections that are tightened; with load steps, in the last one; collective."""
-        return section_forces(self.statement, self.model.tagged, self.displacement, self._position)
+        return section_forces(self.model, self.displacement, self._position)
 
     @cached_property
     def contact_figures(self) -> list[ContactFigures]:

@@ -51,7 +51,7 @@ def solve_tightened(
         outcome, force = solve_task(task, start, max_iterations), np.zeros_like(s)
         if outcome.status is Status.CONVERGED:
             y = model.from_rest(task.rest, outcome.displacement())
-            force = np.array([row.force for row in section_forces(model.statement, model.tagged, y, place)])[numbers]
+            force = np.array([row.force for row in section_forces(model, y, place)])[numbers]
         elif slope.size or outcome.status is Status.NOT_HELD:  # whatever the shortenings are
             return model, start, outcome, None
         missing = float(np.abs(wanted - force).max() / wanted.max())

@@ -54,7 +54,7 @@ def test_shortened_bar(cell, poisson, heat, unit):
     np.testing.assert_allclose(solution.displacement.hydrostatic.x.array, pressure, rtol=1e-8)
     energy = 3.0 * unit**dim * (sigma * (strain - heat) - out * heat) / 2
     assert solution.last_step.strain_energy == pytest.approx(energy, rel=1e-9)
-    (section,) = section_forces(scene.statement, tagged, solution.displacement, 0)
+    (section,) = section_forces(solution.model, solution.displacement, 0)
     assert section.force == pytest.approx(sigma * unit ** (dim - 1), rel=1e-9)
     x = solution.model.space.tabulate_dof_coordinates()[:, 1]
     found = solution.displacement.x.array.reshape(-1, dim)[:, 1]

@@ -99,7 +99,7 @@ def clamped(
 
 def figures(solution, step, unit=(1.0, 1.0)):
     """Bolt force, clamp force and shortening of a load step, in units of force and length."""
-    scene, tagged, result = solution.statement, solution.model.tagged, solution.steps[step]
-    (section,) = section_forces(scene, tagged, result.displacement, result.place)
+    result = solution.steps[step]
+    (section,) = section_forces(solution.model, result.displacement, result.place)
     clamp = np.linalg.norm(result.contact.forces[0])
     return section.force / unit[1], clamp / unit[1], section.shortening / unit[0]
