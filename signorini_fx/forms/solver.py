@@ -29,7 +29,6 @@ from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, diameter_of
 from signorini_fx.mechanics.model import ElasticBody
@@ -74,7 +73,7 @@ class FormSolver:
         petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
     ) -> None:
         space = self.space = forms.space
-        self.forms, self.u, self.options = forms, u, petsc_options
+        self.forms, self.contact, self.u, self.options = forms, forms.contact, u, petsc_options
         self.bcs, self.settings = conditions_of(bcs, space), settings_of(settings)
         names = [f"contact {number}" for number in range(len(forms.contact))]
         self.foundations = self._foundations_class(space, forms.contact, forms.facets, names, forms.masters)
@@ -96,11 +95,6 @@ class FormSolver:
         self._solution: LastSolution | None = None  # from which the next solve may begin
         self._state: ContactState | None = None
         self._named: tuple[Any, TaggedMesh] | None = None  # once it is asked for, see ``named_parts``
-
-    @property
-    def contact(self) -> tuple[Foundation | Pair, ...]:
-        """The foundations and pairs."""
-        return self.forms.contact
 
     @property
     def set_up(self) -> bool:

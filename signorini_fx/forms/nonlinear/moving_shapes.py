@@ -128,10 +128,9 @@ def turning_of(state: ContactState, size: float) -> Array:
     """What friction of sliding points in 3D does against displacements that turn their slip, in the frames of the
     points, force per length, shape (n, d, d).
 
-    The shear m has the direction of the slip s, so it turns with it: a displacement d along the tangent plane and
-    across s meets |m| / |s| d.  Without that a shear would be a dead load, under which rubber that is squeezed between
-    rough plates twists.  A shear that does not follow its slip, as that of an ellipse, is left out.  Slips that are
-    round-off of the body turn as easily as the smallest other ones.
+    The shear m turns with the slip s: a displacement d along the tangent plane and across s meets |m| / |s| d.  As a
+    dead load it would twist rubber that is squeezed between rough plates.  A shear that does not follow its slip, as
+    that of an ellipse, is left out.  Slips that are round-off turn as easily as the smallest other ones.
     """
     boundary, slip, shear = state.boundary, state.slip_length, state.shear
     blocks = np.zeros((boundary.size, boundary.x.shape[1], boundary.x.shape[1]))

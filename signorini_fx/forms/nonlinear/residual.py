@@ -83,10 +83,8 @@ class Residual:
 
 
 class Tangents:
-    """The user's tangent J, if there is one, and the derivative of F by u, each compiled when it is first needed.
-
-    ``given``: whether there is one of the user's; ``trusted``: whether that is known to be the derivative, and is not
-    tried: near a yield stress no difference tells.
+    """The user's tangent J, if it is ``given``, and the derivative of F by u, each compiled when it is first needed;
+    ``trusted``: whether J is known to be the derivative, and is not tried: near a yield stress no difference tells.
     """
 
     trusted = False

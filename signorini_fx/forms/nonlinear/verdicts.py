@@ -1,7 +1,5 @@
 """The verdicts on a displacement: whether displacements that contact admits raise the energy, by the derivative of F,
-and whether shapes or bodies are inside each other, or have passed through since the last solution.
-
-``overlap`` and ``overlap_of_bodies`` say in words at which contact, how deep and where; "": nothing is inside.
+and whether shapes or bodies are inside each other, or have passed through since the last solution, in words.
 """
 
 from __future__ import annotations
