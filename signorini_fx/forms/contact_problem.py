@@ -37,7 +37,7 @@ class ProblemOfForms:
 
     assembled: FormSolver
     _ended: Any  # what knows how the last solve has ended
-    titled: Callable[[str], Solution]
+    _titled: Callable[[str], Solution]  # ``solution`` with a title; collective
     # What each owned cell of a solution has of the squared error, and the strain energy, see ``combined``; collective.
     _errors_in_body: Callable[[Solution], tuple[Any, float]]
     # What gives the named model, the last solution as ``SolvedStep.of`` takes it, and its data; collective.
@@ -95,7 +95,7 @@ class ProblemOfForms:
         Raises:
             RuntimeError: there is none so far.
         """
-        return self.titled("")
+        return self._titled("")
 
     @property
     def errors(self) -> Errors:
@@ -233,7 +233,7 @@ class ProblemOfForms:
         """
         from signorini_fx.results.files import write_results
 
-        solution = self.titled(title)
+        solution = self._titled(title)
         summary = write_results(solution, folder, fields=fields, pictures=pictures, pdf=pdf)
         if report:
             parallel.on_root(solution.comm, lambda: add_on("report")(folder))
@@ -336,8 +336,7 @@ class ContactProblem(ProblemOfForms):
             raise FormError([("stress", wrong)])
         return stress.squares, stress.energy
 
-    def titled(self, title: str) -> Solution:
-        """``solution`` with a title; collective."""
+    def _titled(self, title: str) -> Solution:
         from signorini_fx.forms.steps import solution_of
 
         return solution_of(self.assembled, self._ran, title)

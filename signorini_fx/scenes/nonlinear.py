@@ -148,7 +148,7 @@ class ProblemOfScene(NonlinearContactProblem):
                 raise ConvergenceError(self, why)
             failures.append(Finding("warning", "load_steps", why))
         self.timings.seconds.update(self._solver.timings.seconds)
-        solution = self.titled(self.statement.title)
+        solution = self._titled(self.statement.title)
         body: dict[str, Any] = {field.name: getattr(solution.model, field.name) for field in fields(solution.model)}
         body |= {"statement": self.statement, "tagged": self.model.tagged}
         forces = NonlinearForces(self.statement, self.model.tagged, self.model.space)

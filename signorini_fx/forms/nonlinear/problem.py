@@ -184,8 +184,7 @@ class NonlinearContactProblem(ProblemOfForms):
         """Of Newton's method in the last solve."""
         return self._solver.iterations
 
-    def titled(self, title: str) -> Solution:
-        """``solution`` with a title; collective."""
+    def _titled(self, title: str) -> Solution:
         solved = self._solver.solved
         if solved is None:
             raise RuntimeError("there is no solution so far: call solve()")
