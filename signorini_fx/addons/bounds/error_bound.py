@@ -24,14 +24,14 @@ from dolfinx import fem
 from signorini_fx.addons.bounds.balanced_tractions import AdmissibleTractions, balanced
 from signorini_fx.addons.bounds.bounded_scene import refused, unbounded
 from signorini_fx.addons.bounds.contact_displacement import admissible
-from signorini_fx.addons.bounds.contact_parts import MASTER, POINTS, SLAVE, WEIGHTS, bernstein
+from signorini_fx.addons.bounds.contact_parts import MASTER, POINTS, SLAVE, WEIGHTS, bernstein, coefficients
 from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, equilibrated
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain, square
 from signorini_fx.addons.bounds.liftings import Liftings, lifted_forces
 from signorini_fx.addons.bounds.linear_displacement import free_motions
 from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
 from signorini_fx.addons.bounds.scene_arrays import Rows, on_first_rank
-from signorini_fx.addons.bounds.simplices import EDGES_OF_FACET, EPS, Array, with_hats
+from signorini_fx.addons.bounds.simplices import EPS, Array, closest_linear, with_hats
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -42,8 +42,6 @@ from signorini_fx.tuned import PARTS_OF_EDGE
 T = TypeVar("T")
 # Share of displacements and forces below which they are round-off.
 ROUND_OFF = 64 * EPS
-# Linear functions on a facet with the moments of 4 l_a l_b: at a and b, and at the third vertex.
-_OF_BUBBLE = {2: (2 / 3, 0), 3: (3 / 5, -1 / 5)}
 
 
 @dataclass(frozen=True)
@@ -117,11 +115,8 @@ class Bounded(PlainProblem):
                 closest, _ = surface.parts.projected(surface.traction, side, t.area)
                 traction[facets] += sign * closest @ (np.eye(d) - self.held[facets])
         # The linear functions on the facets with the moments of the displacement.
-        start, middle = np.split(self.y[t.nodes_of_facets], [d], axis=1)
-        bubble = middle - start[:, EDGES_OF_FACET[d]].mean(axis=2)
-        (ends, third), start = _OF_BUBBLE[d], start + _OF_BUBBLE[d][1] * bubble.sum(axis=1, keepdims=True)
-        for k, pair in enumerate(EDGES_OF_FACET[d]):
-            start[:, pair] += (ends - third) * bubble[:, k, None]
+        moments = POINTS[d].T @ (WEIGHTS[d][:, None] * bernstein(POINTS[d]))
+        start = closest_linear(moments @ coefficients(self.y[t.nodes_of_facets]))
         return equilibrated(t, self.held, self.body_moments, traction, start)
 
     @cached_property
