@@ -75,12 +75,8 @@ class FoundationData:
 class Foundations:
     """Several foundations, and pairs, whose slave sides have the points, on one space; all methods are collective.
 
-    Args:
-        space: the displacements.
-        contact: the foundations and pairs.
-        facets: of each foundation or slave, owned, local numbers.
-        names: of its form.
-        masters: facets of the other side of each pair, by its number among the contacts.
+    ``facets`` are those of each foundation or slave, owned, local numbers; ``names`` are those in its form; ``masters``
+    are facets of the other side of each pair, by its number among the contacts.
     """
 
     def __init__(
@@ -89,12 +85,11 @@ class Foundations:
         contact: Sequence[Foundation | Pair],
         facets: Sequence[npt.NDArray[np.int32]],
         names: Sequence[str],
-        masters: Mapping[int, npt.NDArray[np.int32]] | None = None,
+        masters: Mapping[int, npt.NDArray[np.int32]],
     ) -> None:
-        self._space, self._contact, self.facets = space, contact, facets
-        self._masters = dict(masters or {})
+        self._space, self._contact, self.facets, self._names = space, contact, facets, names
+        self._masters = masters
         self._pairs: dict[int, PairedSides] = {}
-        self._names = names
         self._values = [NodalValues(space, boundary_facets) for boundary_facets in facets]
         self._dimension = int(space.mesh.geometry.dim)
         self._distances = self._shaped()
@@ -113,19 +108,11 @@ class Foundations:
             except SceneError as error:
                 problems += [(f"contact[{k}].shape.{key}".rstrip("."), reason) for key, reason in error.problems]
                 continue
-            self.check_shape(k, distances[k].shape)
+            x = node_positions(self._space)[self._values[k].nodes, : self._dimension]
+            self._refuse(f"contact[{k}].shape", fault_of_shape(distances[k].shape, x, self._length))
         if problems:
             raise FormError(problems)
         return distances
-
-    def check_shape(self, number: int, shape: Any) -> None:
-        """Refuse a shape of a user's own whose distance is none at the nodes; collective.
-
-        Raises:
-            FormError: it is not.
-        """
-        x = node_positions(self._space)[self._values[number].nodes, : self._dimension]
-        self._refuse(f"contact[{number}].shape", fault_of_shape(shape, x, self._length))
 
     def _refuse(self, path: str, fault: str) -> None:
         """Raise an error on all ranks if any of them has a fault."""

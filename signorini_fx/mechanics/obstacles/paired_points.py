@@ -47,10 +47,8 @@ Flags = npt.NDArray[np.bool_]
 class PairedSide:
     """Facets of the body as a surface, the same on every rank but for ``facets``.
 
-    Attributes:
-        surface: with nodes numbered from 0.
-        nodes: global number of each of them in the space, ascending, shape (N,).
-        facets: those of this rank, local numbers.
+    ``nodes``: global number of each node of the ``surface`` in the space, ascending, shape (N,); ``facets``: those of
+    this rank, local numbers.
     """
 
     surface: PairSurface
@@ -92,13 +90,8 @@ def averaged_points(
     space: fem.FunctionSpace, facets: Indices, factor: Array | None, fixed: npt.NDArray[np.bool_]
 ) -> tuple[tuple[Indices, Array, Array], Averages]:
     """The points of a rigid foundation on a side whose dual functions average, see ``averages``: local numbers of their
-    nodes, weights and normals, and how they average; collective.
-
-    Args:
-        space: the displacements.
-        facets: owned, local numbers.
-        factor: of the measure, at all nodes of this rank, shape (nodes,); None: 1.
-        fixed: which dofs of this rank are prescribed, shape (owned dofs,).
+    nodes, weights and normals, and how they average; ``factor``: see ``PairedSide.of``; ``fixed``: which owned dofs are
+    prescribed; collective.
     """
     comm, dim, side = space.mesh.comm, space.mesh.topology.dim, PairedSide.of(space, facets, factor)
     surface = side.surface
@@ -120,12 +113,8 @@ def averaged_points(
 
 
 def held_along(normal: Array, frames: Array, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Which nodes supports hold along a direction: no component that is free has any of it, shape (n,).
-
-    Args:
-        normal: shape (n, d); zero: there is none.
-        frames: that the components are told in, one direction per column, shape (n, d, d).
-        fixed: which of them are prescribed, shape (n, d).
+    """Which nodes supports hold along their normals, zero where there is none, shape (n, d): no component that is free,
+    not ``fixed``, in their frames, one direction per column, shape (n, d, d), has any of it; shape (n,).
     """
     sizes = np.abs(np.einsum("nij,ni->nj", frames, normal))
     return np.asarray(np.where(fixed, 0.0, sizes).max(axis=1) <= ROOT_OF_EPS) & normal.any(axis=1)

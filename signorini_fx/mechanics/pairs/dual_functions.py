@@ -44,17 +44,9 @@ def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
 def carried(
     side: PairSurface, covered: Indices, weight: Array, unable: npt.NDArray[np.bool_]
 ) -> tuple[Indices, sp.csr_array]:
-    """Which nodes carry a point, and how these take over the functions of the others.
-
-    Args:
-        side: the slave.
-        covered: its facets that meet the other side.
-        weight: the integral of the function of each node, shape (N,).
-        unable: nodes that cannot carry a point, shape (N,).
-
-    Returns:
-        The nodes, shape (n,), and the share of the function of each node in each point, columns with the sum one,
-        sparse, shape (n, N).
+    """Which nodes of the slave, of which some are ``unable``, shape (N,), carry a point, shape (n,), and the share of
+    the function of each node in each point, columns with the sum one, sparse, shape (n, N), from the facets that are
+    ``covered`` and the integral of the function of each node, shape (N,).
     """
     together = _together(side, covered)
     tested_nodes = together.diagonal() > 0

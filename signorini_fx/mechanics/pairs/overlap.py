@@ -38,16 +38,9 @@ _PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
 def space_overlap(
     slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
-    """The overlap, some triangles for each pair of parts that meet; collective.
-
-    Args:
-        slave: the side with the points, d = 3.
-        master: the other one.
-        reach: distance beyond which parts are no partners, length.
-        facets: the facets of the slave that are paired, shape (m,).
-        directions: of projection at the nodes of the slave with test functions, shape (N, 3); None: the normals of the
-            parts of the slave.
-        comm: the ranks, which have quadrature of one degree.
+    """The overlap in 3D, some triangles for each pair of parts that meet; ``reach``: distance beyond which parts are no
+    partners, length; ``facets``: those of the slave that are paired, shape (m,); ``directions``: of projection at the
+    nodes of the slave with test functions, shape (N, 3), None: the normals of its parts; collective.
     """
     slave_parts, master_parts = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
     along, turning = slave_parts.normal, np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64)
@@ -168,14 +161,9 @@ def counterclockwise(polygon: Array) -> Array:
 
 
 def clip(subject: Array, window: Array) -> tuple[Array, Indices]:
-    """Convex polygons cut by convex windows (Sutherland and Hodgman), both counterclockwise.
-
-    Args:
-        subject: shape (m, a, 2).
-        window: shape (m, b, 2).
-
-    Returns:
-        Corners of what is left, shape (m, v, 2), and how many of them are there, shape (m,).
+    """Convex polygons, or lines of two corners, cut by convex windows (Sutherland and Hodgman), both counterclockwise,
+    shapes (m, a, 2) and (m, b, 2): corners of what is left, shape (m, v, 2), and how many of them are there, shape
+    (m,).
     """
     polygon, count = subject, np.full(len(subject), subject.shape[1])
     for edge in range(window.shape[1]):

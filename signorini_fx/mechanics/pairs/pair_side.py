@@ -175,14 +175,8 @@ class PairSurface:
         return self.nodes[:, : len(self.tests.places)]
 
     def normals(self, facets: Indices, at: Array) -> Array:
-        """Outward normals times the area (in 2D: length) of a unit of the reference facet.
-
-        Args:
-            facets: shape (m,).
-            at: points of each of them, shape (m, q, d - 1).
-
-        Returns:
-            Shape (m, q, d).
+        """Outward normals times the area (in 2D: length) of a unit of the reference facet at points of some facets,
+        shape (m, q, d - 1): shape (m, q, d).
         """
         return self._crossed(self.corners, facets, at) * self.sign[facets][:, None, None]
 

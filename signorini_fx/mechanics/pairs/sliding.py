@@ -96,12 +96,7 @@ class SlidingCoupling:
 
     def slip(self, begun: Frames, slave: Array, master: Array) -> Array:
         """How far the points have slid since a step has begun, along T_i, length, shape (n, d - 1): of points that had
-        no partner then with the nodes that they meet now.
-
-        Args:
-            begun: the frames at the beginning.
-            slave: positions of the nodes of the slave then, shape (N, d).
-            master: those of the master.
+        no partner then with the nodes that they meet now; from the frames and the positions of both sides then.
         """
         tangents, ways = self.frames.tangents, []
         for frames, old in ((begun, begun.tangents), (self.frames, tangents)):
@@ -118,11 +113,7 @@ class SlidingCoupling:
         symmetric by its transpose: that acts along the normals alone, where sides in contact do not move.
 
         The shift of partners takes shears on from node to node of the master: its derivative is not symmetric, and is
-        left out.
-
-        Args:
-            pressure: lambda of the points, stress, shape (n,).
-            shear: mu along T_i, shape (n, d - 1).
+        left out.  ``pressure``: lambda, stress, shape (n,); ``shear``: mu along T_i, stress, shape (n, d - 1).
         """
         pressed = self.pieces.stiffness(self.weight * pressure)
         if not shear.any():

@@ -189,14 +189,8 @@ def rigid_motions(
     turned: TurnedNodes | None,
     kinematics: Kinematics,
 ) -> RigidMotions:
-    """The motions without strain that the supports leave free; collective.
-
-    Args:
-        space: the displacements.
-        fixed: which displacement components are prescribed at the owned nodes, shape (owned nodes, d).
-        pieces: of the body.
-        turned: nodes whose components are in a frame of their own.
-        kinematics: which say what motions have no strain.
+    """The motions without strain that supports leave free; ``fixed``: which components of the displacement are
+    prescribed at the owned nodes, shape (owned nodes, d), at ``turned`` ones in their frames; collective.
     """
     comm = space.mesh.comm
     owned = slice(fixed.shape[0])
