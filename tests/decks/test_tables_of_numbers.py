@@ -1,11 +1,13 @@
-"""Lines of numbers, however they are written."""
+"""Lines that are only numbers are read at once; what they say is what their words say one by one."""
 
 import re
 
+import numpy as np
 import pytest
 from deck_lines import stacked
 
 from signorini_fx.addons.decks.mesh import read_model
+from signorini_fx.addons.decks.text import read_keywords
 
 LINES = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD"])
 
@@ -14,6 +16,13 @@ def model_of(folder, text):
     deck = folder / "deck.inp"
     deck.write_text(text, encoding="utf-8")
     return read_model(deck)
+
+
+def numbers_of(folder, text, kind=np.float64):
+    """The numbers of the first keyword of a text, if they are read at once; else None."""
+    (folder / "lines.inp").write_text(text, encoding="utf-8")
+    found = read_keywords(folder / "lines.inp")[0][0].numbers(kind)
+    return None if found is None else found[0]
 
 
 def spelt(line):
@@ -47,3 +56,24 @@ def same(one, other):
 def test_words_one_by_one(tmp_path, change):
     text = "\n".join(LINES) + "\n"
     same(model_of(tmp_path, text), model_of(tmp_path, change(text)))
+
+
+def test_numbers_are_exact(tmp_path):
+    """The nearest floating point number to a decimal one, as Python takes it."""
+    rng = np.random.default_rng(2)
+    numbers = [repr(float(x)) for x in rng.normal(size=300) * 10.0 ** rng.integers(-30, 30, 300)]
+    numbers += ["1", "+.5", "-3.", "0.1e+2", "12345678901234567890.123456789", "2.2250738585072011e-308"]
+    lines = [f"{7 * k + 3} ,\t{x},  {x}" for k, x in enumerate(numbers)]
+    values = numbers_of(tmp_path, "*NODE, NSET=ALL\n" + "\n".join(lines) + "\n*STEP\n")
+    assert values[1::3].tolist() == [float(x) for x in numbers]
+
+
+@pytest.mark.parametrize(
+    "row",
+    ["1, 0.,, 0.", "1, 0. 0., 1.", "1, 1e999, 0.", "1, 0., x", "1, 0., 1e", "1_0, 0., 0.", ", 1., 1.", "1, , 0.",
+     "1,\t, 0.", " , 1., 1."],
+)  # fmt: skip
+def test_other_lines_are_read_word_by_word(tmp_path, row):
+    """Python would not take them for the same numbers."""
+    assert numbers_of(tmp_path, f"*NODE\n2, 0., 0.\n{row}\n3, 1., 1.\n*STEP\n") is None
+    assert len(numbers_of(tmp_path, "*NODE\n2, 0., 0.\n3, 1., 1.\n*STEP\n")) == 6

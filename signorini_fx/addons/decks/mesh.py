@@ -180,7 +180,9 @@ class _Reader:
                 self._extend(self.element_sets, block.parameters["ELSET"], _NO_NUMBERS)
             return
         kind, count = _kind(kind_name)
-        words = np.array([int(word) for row in block.rows for word in row], dtype=np.int64)
+        at_once = block.numbers(np.int64)
+        single_words = [int(word) for row in block.rows for word in row] if at_once is None else []
+        words = np.array(single_words, dtype=np.int64) if at_once is None else at_once[0]
         if len(words) % (count + 1):
             raise ValueError(f"*ELEMENT, TYPE={block.parameters['TYPE']}: {count} nodes per element are expected")
         table = words.reshape(-1, count + 1)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import codecs
+import io
 import itertools
 import json
 import math
 import os
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -27,6 +29,7 @@ _LEAST_WORDS = {
 }
 _MOST_ROWS = {"STATIC": 1, "SURFACEINTERACTION": 1, "ENDSTEP": 0, "MATERIAL": 0}
 _DEEPEST = 20  # files that include each other
+_LARGEST = 2.0**53  # whole numbers from there on are not exact as floating point numbers
 _STAR = re.compile(r"^[ \t]*\*", re.MULTILINE)
 # A line that continues its keyword: it begins with a parameter that has a value, or with one that is no set.
 _PARAMETER = re.compile(
@@ -57,6 +60,25 @@ class DeckBlock:
     def rows(self) -> Sequence[list[str]]:
         """The data lines, split at commas; empty words at the end of a line are left out."""
         return [split_words(line.strip()) for line in "\n".join(self.texts).split("\n") if line.strip()]
+
+    def numbers(self, kind: type[np.float64 | np.int64]) -> tuple[Any, int] | None:
+        """All numbers of the data lines at once, and how many each line has, 0 if lines differ; None: a word is empty,
+        too large or no number.
+        """
+        text = re.sub(r",[, \t]*\n", "\n", "\n".join(self.texts).rstrip(", \t\n"))
+        lengths = [line.count(",") + 1 for line in text.split("\n")]
+        alike = len(set(lengths)) == 1
+        table = io.StringIO(text if alike else text.replace(",", "\n"))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # numpy warns of an integer with a point, and of no numbers
+            try:
+                values: Any = np.loadtxt(table, dtype=kind, delimiter=",", comments=None, ndmin=2).ravel()
+            except (ValueError, Warning):
+                return None
+        largest = _LARGEST if kind is np.int64 else math.inf
+        if len(values) != sum(lengths) or not (np.abs(values) < largest).all():  # an empty word is no number
+            return None
+        return values, lengths[0] if alike else 0
 
     @property
     def place(self) -> str:
@@ -227,6 +249,10 @@ def components(words: Sequence[str]) -> dict[int, float]:
 
 def coordinates(block: DeckBlock) -> tuple[Ints, Floats]:
     """The numbers of the nodes of *NODE and their coordinates; those that a line lacks are zero."""
+    if (number_table := block.numbers(np.float64)) is not None and number_table[1]:
+        table = number_table[0].reshape(-1, number_table[1])
+        if np.all(table[:, 0] % 1 == 0) and np.abs(table[:, 0]).max() < _LARGEST:
+            return table[:, 0].astype(np.int64), table[:, 1:4].copy()
     check_rows(block)
     width = min(max(map(len, block.rows), default=1) - 1, 3)
     numbers = np.array([int(row[0]) for row in block.rows], dtype=np.int64)
