@@ -72,7 +72,7 @@ class MovingShape:
         moved = shift + motion.translation + (turn_of(turn) - np.eye(dim)) @ about
         update: dict[str, Any] = {"shift": tuple(map(float, moved))}
         if turn.any() or self.shape.rotation is not None:
-            given = np.zeros(turn.size) + home.angles()
+            given = np.zeros(turn.size) + np.asarray(home.angles())
             if dim == 3 and np.cross(given, turn).any():
                 reason = "a rigid body that forces turn is given turned about another axis: leave its rotation out"
                 raise FormError([("contact", reason)])
