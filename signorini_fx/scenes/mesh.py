@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -40,7 +41,7 @@ def with_cells_alike(scene: Scene) -> Scene:
     able, meshes = dict[int, tuple[str, ...]](), scene.meshes
     for number, mesh in enumerate(meshes):
         if isinstance(mesh, MeshGenerator):
-            with naming(number, scene.body[number]):
+            with naming(number, scene.body[number]) if scene.body else nullcontext():
                 able[number] = mesh.cells
     given = [meshes[number].parameters["cell"] for number in able if "cell" in meshes[number].parameters]
     common = [cell for cells in able.values() for cell in cells[:1] if all(cell in others for others in able.values())]

@@ -7,11 +7,9 @@ REGULAR = {
     2: [[1.0, 0.0], [0.5, 3**0.5 / 2]],
     3: [[1.0, 0.0, 0.0], [0.5, 3**0.5 / 2, 0.0], [0.5, 3**0.5 / 6, (2 / 3) ** 0.5]],
 }
-# The corners at the other ends of the sides that meet in each corner, by the number of corners.
-NEIGHBOURS = {
-    4: [(1, 3), (2, 0), (3, 1), (0, 2)],
-    8: [(1, 3, 4), (2, 0, 5), (3, 1, 6), (0, 2, 7), (7, 5, 0), (4, 6, 1), (5, 7, 2), (6, 4, 3)],
-}
+# The corners at the other ends of the sides that meet in each corner, by the number of corners: dolfinx numbers them as
+# binary numbers, of which each side changes one digit.
+NEIGHBOURS = {2**d: [[corner ^ 2**k for k in range(d)] for corner in range(2**d)] for d in (2, 3)}
 
 
 def quality(points, corners):

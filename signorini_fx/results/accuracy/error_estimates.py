@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,6 @@ from signorini_fx.results.accuracy.pressure_error import (
     on_facets,
     pressure_square,
 )
-from signorini_fx.results.mechanics import SolidBody
 from signorini_fx.tuned import POLLUTION
 
 Floats = npt.NDArray[np.float64]
@@ -58,10 +58,8 @@ class Errors:
         return self.energy**2
 
 
-def estimate_errors(
-    model: SolidBody, displacement: fem.Function, energy: float, table: ContactTable, step: float
-) -> Errors:
-    """Estimate the errors on a mesh; ``energy``: strain energy of the solution; collective."""
+def estimate_errors(model: Any, displacement: fem.Function, energy: float, table: ContactTable, step: float) -> Errors:
+    """Estimate the errors on a mesh of a ``SolidBody``; ``energy``: strain energy of the solution; collective."""
     missed = missed_loads(model, step)
     squares = np.zeros(missed.shape)
     if energy > 0:
