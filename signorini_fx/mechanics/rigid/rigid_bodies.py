@@ -85,7 +85,10 @@ class RigidBodies:
             touching = np.isin(boundary.part, body.parts)
             x = self.places(boundary)[touching]
             modes[touching, :, k] = rigid_modes(x, body.pivot(dim), np.array(self.length))
-        flat, number = modes.reshape(boundary.size, dim, -1), np.repeat(np.arange(count), motion_count)
+        flat, number = (
+            modes.reshape(boundary.size, dim, count * motion_count),
+            np.repeat(np.arange(count), motion_count),
+        )
         moving = replace(boundary, moving=MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies))
         if moving.friction_axes is not None:
             moving.friction_axes.check_supports(moving.points.movable, "contact.friction", moving.comm)
