@@ -1,5 +1,6 @@
 """Drafts of Abaqus decks: what is told for each body, parts of an assembly, included files, and what is lost."""
 
+import math
 import os
 import tomllib
 
@@ -148,6 +149,18 @@ def test_an_assembly(tmp_path, capsys):
     y = solve(read_scene(scene), MPI.COMM_SELF).displacement.x.array[1::2].min()
     assert y == pytest.approx(-5.0 * 2 * SINKS, rel=1e-4)
     assert "lost" not in said
+
+
+def test_adjust_of_a_set_of_an_instance(tmp_path, capsys):
+    """ADJUST names the set of nodes with its instance, or has a length."""
+    lines = stacked([], 0.004, "*CONTACT PAIR, INTERACTION=I, ADJUST=B-1.UP_FEET")
+    upper, rest = lines.index("*NODE", 1), lines.index("*SOLID SECTION, ELSET=LOW, MATERIAL=STEEL")
+    deck = ["*PART, NAME=A", *lines[:upper], "*END PART", "*PART, NAME=B", *lines[upper:rest], "*END PART"]
+    deck += ["*ASSEMBLY, NAME=S", "*INSTANCE, NAME=A-1, PART=A", "*END INSTANCE"]
+    deck += ["*INSTANCE, NAME=B-1, PART=B", "*END INSTANCE", "*END ASSEMBLY", *lines[rest:]]
+    for adjust, wanted in (("B-1.UP_FEET", pytest.approx(math.hypot(1.0, 2.004))), ("0.01", 0.01)):
+        _, data, _ = drafted(tmp_path, [line.replace("B-1.UP_FEET", adjust) for line in deck], capsys)
+        assert data["contact"] == [{"boundary": "UP_BOTTOM", "against": "LOW_TOP", "adjust": wanted}]
 
 
 def test_an_instance_in_space(tmp_path):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from signorini_fx.addons.decks.text import DeckBlock, DeckError, coordinates, real
+from signorini_fx.addons.decks.text import DeckBlock, DeckError, coordinates, real, real_or_none
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import Floats
 from signorini_fx.mechanics.statement.rigid_shape import turning
@@ -128,6 +128,11 @@ def _defined(block: DeckBlock) -> list[str]:
     return [block.parameters[key]] if key in block.parameters else []
 
 
+def _names(key: str, value: str) -> bool:
+    """Whether the value of a parameter is a name; of ADJUST it may be a length."""
+    return key in _NAMING or (key == "ADJUST" and real_or_none(value) is None)
+
+
 def _largest_number(block: DeckBlock) -> int:
     """Of the nodes or elements that a keyword defines; those of its nodes count too."""
     rows = block.rows if block.keyword in ("NODE", "ELEMENT") else []
@@ -159,7 +164,7 @@ class _Names:
         inside = self.instances.get(block.parameters.get("INSTANCE", "").upper(), scope)
         defined_names = _defined(block)
         parameters = {
-            key: self.word(value, scope) if key in _NAMING or [value] == defined_names else value
+            key: self.word(value, scope) if _names(key, value) or [value] == defined_names else value
             for key, value in block.parameters.items()
         }
         try:
@@ -168,7 +173,7 @@ class _Names:
             raise DeckError(block, str(error)) from None
         count = 2 if "GENERATE" in block.parameters else _REFERRING.get(block.keyword, 0)
         rows = [[self.word(word, inside) for word in row[:count]] + row[len(row[:count]) :] for row in rows]
-        return replace(block, parameters=parameters, texts=[",".join(row) for row in rows])
+        return replace(block, parameters=parameters, texts=[",".join(row) or "," for row in rows])
 
 
 def _moved(block: DeckBlock, move: _Motion) -> Sequence[list[str]]:

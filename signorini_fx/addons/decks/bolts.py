@@ -24,7 +24,7 @@ def read_bolt(deck: Deck, block: DeckBlock) -> None:
     node, name = deck.single(block.parameters["NODE"]), block.parameters.get("SURFACE", "")
     surface = deck.label("surface", name)
     if node is None or surface is None:
-        deck.lose(block, "the preload: a surface of faces and a single node are expected")
+        deck.lose(block, f"the preload: {name!r} is no surface of faces, or NODE is not a single node")
     elif (normal := _normal(deck, surface)) is None:
         deck.lose(block, f"the preload: the surface {name!r} is not in one plane")
     else:

@@ -113,7 +113,7 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             deck.lose(block, f"pressure on faces that are no boundary of the body: {len(group.values)}")
         else:
             _press(deck, block, where, factor * group.values[0])
-    parts: dict[tuple[str, ...], list[Ints]] = {}  # load without its set -> cells that it acts on
+    parts: dict[tuple[str, ...], dict[str, Ints]] = {}  # load without its set -> set -> cells that it acts on
     for row in block.rows:
         at = next((k for k, word in enumerate(row) if _BODY_FORCE.fullmatch(word)), None)
         if at is None:
@@ -122,13 +122,14 @@ def read_body_forces(deck: Deck, block: DeckBlock) -> None:
             region = deck.label("region", row[0])
             cells = _NOWHERE if region is None else deck.mesh.regions[region]
             whole = at == 0 or not any(row[:at])
-            parts.setdefault(tuple(row[at:]), []).append(np.arange(len(deck.mesh.cells)) if whole else cells)
+            loaded = parts.setdefault(tuple(row[at:]), {})
+            loaded["" if whole else row[0]] = np.arange(len(deck.mesh.cells)) if whole else cells
     for (kind_name, *numbers), loaded in parts.items():
         kind, words = kind_name.upper(), [real(word) for word in numbers]
         if kind.startswith("P"):
             continue
-        if len(np.unique(np.concatenate(loaded))) < len(deck.mesh.cells):
-            deck.lose(block, f"{kind} on a part of the body")
+        if len(np.unique(np.concatenate([*loaded.values()]))) < len(deck.mesh.cells):
+            deck.lose(block, f"{kind} on {', '.join(map(repr, loaded))}, a part of the body")
         elif kind.startswith("B"):
             _set_load(deck, DeckLoad("body_force", "", (kind[1].lower(),), block), factor * words[0])
         elif not deck.materials or any("density" not in properties for properties in deck.materials.values()):
