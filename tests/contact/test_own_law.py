@@ -195,3 +195,9 @@ def test_honest_laws(kind, modulus):
     """Are not refused, however far their bounds bend from the modulus of the body."""
     law = kind(F, K).with_values(lambda _, value: np.full(2, value))
     assert not fault_of(law, 2, modulus)
+
+
+def test_a_law_derived_from_coulomb():
+    """Its bound is its envelope, so that it need not say it again."""
+    kind = type("Worn", (Coulomb,), {"__module__": __name__})
+    assert solved(kind(F)).problem.certificate.holds

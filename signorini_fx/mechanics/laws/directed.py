@@ -106,6 +106,11 @@ class DirectedLaw(FrictionLaw):
             raise refused(type(self).__name__, [(("along",), "needs a ratio, of the friction across it")])
         return self
 
+    @property
+    def directed(self) -> bool:
+        """Whether it depends on the direction of slip."""
+        return self.ratio is not None
+
     def vectors(self, x: Array) -> Array:
         """``along`` at points, both with shape (3, n)."""
         along = self.along or (1.0, 0.0, 0.0)

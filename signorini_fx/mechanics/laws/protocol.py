@@ -132,8 +132,8 @@ class FrictionLaw(Table):
 
     @property
     def directed(self) -> bool:
-        """Whether it depends on the direction of slip: a ``DirectedLaw`` with a ratio."""
-        return getattr(self, "ratio", None) is not None
+        """Whether it depends on the direction of slip."""
+        return False
 
 
 def acting(*values: Any) -> bool:
