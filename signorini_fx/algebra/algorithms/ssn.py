@@ -220,7 +220,7 @@ class SemismoothNewton:
         return Status.SINGULAR
 
     def _run(self, data: RegularisedData, limit: int) -> Status:
-        """Let SNES iterate, again where ``_improved``; a factor serves for the rest of the load step."""
+        """Let SNES iterate, again where ``_improved``."""
         usual, first = self.snes.getKSP(), self._first_iteration
         if self._factorised_in == self.history.step:
             self._factorise()

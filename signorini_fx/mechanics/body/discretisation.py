@@ -93,8 +93,9 @@ def _prepared(
     on = FormCoefficients(statement, tagged, space)
     elastic, _ = together(lambda: on.elastic, partial(check_fits, statement, tagged))
     if statement.sides[1] is not None:
-        statement = with_chosen_sides(statement, tagged, facets, elastic.lame[1])
-        on = replace(on, statement=statement)
+        chosen = with_chosen_sides(statement, tagged, facets, elastic.lame[1])
+        if chosen is not statement:
+            statement, on = chosen, replace(on, statement=chosen)
     pieces = find_pieces(tagged.mesh)
     if statement.bodies:
         pieces = pieces.of_bodies(tagged.mesh.comm, {name: tagged.cells(name) for name in statement.bodies})
@@ -240,10 +241,10 @@ def moved_since(model: Model, earlier: Statement) -> npt.NDArray[np.float64]:
 
 def _foundations(model: Model, statement: Statement) -> Foundations:
     """The contact of a statement."""
-    facets = boundary_facets(statement, model.tagged)
-    on = [facets[effect.boundary] for effect in statement.contact]
+    facets = model.tagged.facets
+    on = [facets(effect.boundary) for effect in statement.contact]
     masters = {
-        number: facets[effect.against] for number, effect in enumerate(statement.contact) if effect.against is not None
+        number: facets(effect.against) for number, effect in enumerate(statement.contact) if effect.against is not None
     }
     names = [f"contact {effect.boundary}" for effect in statement.contact]
     return Foundations(model.space, foundations_of(statement, on, masters), on, names, masters)

@@ -101,7 +101,7 @@ def cells_of_points(
     middle = basix.geometry(element.cell_type).mean(axis=0)
     table = element.tabulate(1, middle[None])[:, 0, :, 0]
     # How the place moves with the point, in sizes of the cell, where cells are taken for straight simplices.
-    turned = _inverse(np.einsum("dk,nkc->ncd", table[1:], nodes / size[:, None, None]))
+    turned = inverses(np.einsum("dk,nkc->ncd", table[1:], nodes / size[:, None, None]))
     straight = element.degree == 1 and element.cell_type in _SIMPLICES
     cells, reference, gap = np.full(len(x), -1, dtype=np.int32), np.zeros((len(x), dim)), np.full(len(x), np.inf)
     # Cells that differ much in size are apart from each other, because a tree pads all its boxes alike.
@@ -150,7 +150,7 @@ def _sizes(nodes: Array) -> Array:
     return np.asarray(np.linalg.norm(np.ptp(nodes, axis=1), axis=1))
 
 
-def _inverse(slope: Array) -> Array:
+def inverses(slope: Array) -> Array:
     """The inverse matrices, of singular ones the unit matrix; shape (n, d, d)."""
     regular = np.linalg.det(slope) != 0
     return np.linalg.inv(np.where(regular[:, None, None], slope, np.eye(slope.shape[2])))
@@ -166,7 +166,7 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
             break
         table = element.tabulate(1, reference[moving])[..., 0]
         away = np.einsum("nk,nkc->nc", table[0], corners[moving])
-        turned = _inverse(np.einsum("dnk,nkc->ncd", table[1:], corners[moving]))
+        turned = inverses(np.einsum("dnk,nkc->ncd", table[1:], corners[moving]))
         step = np.einsum("ncd,nd->nc", turned, away)
         reference[moving] -= np.clip(step, -1.0, 1.0)  # at most from one side of the cell to the other
         moving = moving[np.abs(step).max(axis=1) >= NOTHING_LEFT]
