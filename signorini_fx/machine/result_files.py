@@ -56,13 +56,15 @@ def read_csv(path: str | Path) -> dict[str, npt.NDArray[Any]]:
     elsewhere; ValueError: a row has more or fewer entries than the header, or it is not a CSV file.
     """
     with Path(path).open(newline="", encoding="utf-8") as file:
-        reader = csv.DictReader(file)
+        reader, rows = csv.DictReader(file), []
         try:
-            names, rows = reader.fieldnames or (), [*reader]
+            names = reader.fieldnames or ()
+            for row in reader:
+                if None in row or None in row.values():
+                    raise csv.Error("a row has more or fewer entries than there are names")
+                rows.append(row)
         except csv.Error as error:
             raise ValueError(f"{path}, line {reader.line_num}: {error}") from None
-    if any(None in row or None in row.values() for row in rows):
-        raise ValueError(f"{path}: a row has more or fewer entries than there are names")
     return {name: _column(name, [row[name] for row in rows]) for name in names}
 
 
