@@ -26,7 +26,7 @@ from typing import Any, Literal
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, Surface, mesh_solid, plane
+from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, Surface, around, mesh_solid, plane
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse
 
@@ -119,7 +119,7 @@ def generate(
             "top": plane(2, high),
             "symmetry" if symmetric else "front": plane(1, low),
             "back": plane(1, wide / 2),
-            "hole": lambda x: np.abs(away(x[0], x[1]) - hole) < 1e-5,
+            "hole": around(hole, centre),
             "seat": lambda x: (np.abs(x[2] - thick) < 1e-5) & (away(x[0], x[1]) < seat + 1e-5),
             "inside": lambda x: (x[0] > thick - 1e-5) & (x[2] > thick - 1e-5),
         }

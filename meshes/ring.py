@@ -24,7 +24,7 @@ from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Count, Length, generator, refuse, refuse_too_large
 
 # A curved cell that turns by a right angle may be inverted.
-Around = Annotated[int, Field(gt=1, le=1_000)]
+Around = Annotated[Count, Field(gt=1)]
 
 
 @generator(counts=("nr", "nt", "nz"), least={"nt": 2})

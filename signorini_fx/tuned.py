@@ -300,7 +300,7 @@ SIZE_GROWTH = 0.25
 SHORTEST_CHILD = 0.25
 # Half of the facets may not be longer than this times what was asked for.  Choice: longest edges of gmsh are 1.2 times.
 LONGEST_FACET = 1.4
-# A point outside the hull of a table is moved to its middle by this share of its distance: curved boundaries.  Choice.
+# A point outside the hull of a table is moved towards its middle by this share: curved boundaries.  Choice.
 OUTSIDE_HULL = 0.02
 
 # --- contact between two bodies --------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""``mesh-info``: what a mesh file holds, in any format, without dolfinx."""
+"""``mesh-info``: what a mesh file holds, in any format."""
 
 import json
 

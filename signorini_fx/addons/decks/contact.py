@@ -158,7 +158,7 @@ def _adjust(deck: Deck, pair: SurfacePair, label: str) -> float | None:
     if pair.adjust is None or length is not None:
         return length
     if np.isin(deck.held(str(deck.boundary(pair.slave))), deck.nodes(pair.adjust)).all():
-        return deck.size
+        return deck.mesh.diagonal
     deck.lose(pair.block, f"{label}: ADJUST: a set with only some nodes of the dependent surface is not read")
     return None
 
@@ -195,7 +195,7 @@ def _stiffness(deck: Deck, interactions: list[Interaction | None], tables: list[
 def _hard(deck: Deck) -> float:
     """The stiffness, stress per length, from which contact is hard."""
     moduli = (properties.get("young", 0.0) for properties in deck.materials.values())
-    return HARD_CONTACT * max(moduli, default=0.0) / deck.size
+    return HARD_CONTACT * max(moduli, default=0.0) / deck.mesh.diagonal
 
 
 def say_partners(deck: Deck, contacts: list[dict[str, Any]]) -> None:

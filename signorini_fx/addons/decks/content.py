@@ -166,11 +166,6 @@ class Deck:
     # --- nodes --------------------------------------------------------------------------------------------------------
 
     @cached_property
-    def size(self) -> float:
-        """The diagonal of the box around the body, length."""
-        return float(np.linalg.norm(np.ptp(self.mesh.points, axis=0)))
-
-    @cached_property
     def numbers(self) -> Ints:
         """Row of the file of each node of the body, ascending; nodes that complete its cells have none."""
         raw = self.model.raw

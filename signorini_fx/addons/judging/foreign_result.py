@@ -87,7 +87,7 @@ def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
     if table.points is not None:
         dim = min(problem.arrays.dim, table.points.shape[1])
         away = np.linalg.norm(table.points[rows, :dim] - problem.points[:, :dim], axis=1)
-        if (wrong := (rows >= 0) & (away > JUDGED_SAME_PLACE * problem.size)).any():
+        if (wrong := (rows >= 0) & (away > JUDGED_SAME_PLACE * problem.arrays.diagonal)).any():
             node = problem.names[np.argmax(wrong)]
             raise MeshError(f"{file}: node {node} is at another place in the problem: it is the result of another mesh")
     return rows
@@ -98,7 +98,7 @@ def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
 
     Nodes at one place, as in contact, are told apart by the middles of their cells.
     """
-    near = JUDGED_SAME_PLACE * problem.size
+    near = JUDGED_SAME_PLACE * problem.arrays.diagonal
     if table.points is None:
         raise MeshError(f"{file}: has neither numbers nor positions of nodes: give columns node, or x and y")
     x = np.pad(problem.points, ((0, 0), (0, table.points.shape[1] - problem.arrays.dim)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
@@ -56,11 +55,6 @@ class JudgedProblem:
         """Of each cell the nodes that a result has, shape (m, k)."""
         cells = self.arrays.cells
         return cells[:, (cells < len(self.names)).all(axis=0)]
-
-    @cached_property
-    def size(self) -> float:
-        """The diagonal of the box around the mesh, length."""
-        return float(np.linalg.norm(np.ptp(self.arrays.points, axis=0)))
 
 
 def judged_problem(problem: object) -> JudgedProblem:

@@ -98,8 +98,10 @@ def naming(number: int, body: Body) -> Iterator[None]:
     try:
         yield
     except SceneError as error:
-        paths = ((f"body[{number}].{path}" if path.startswith("mesh") else path) for path, _ in error.problems)
-        raise SceneError(list(zip(paths, (reason for _, reason in error.problems), strict=True))) from None
+        problems = [
+            (f"body[{number}].{path}" if path.startswith("mesh") else path, reason) for path, reason in error.problems
+        ]
+        raise SceneError(problems) from None
     except MeshError as error:
         raise MeshError(f"body {body.name!r}: {error}") from None
 

@@ -130,9 +130,9 @@ def plane(axis: int, at: float) -> Surface:
     return lambda x: np.abs(x[axis] - at) < DIGITS_OF_FILES
 
 
-def around(radius: float) -> Surface:
-    """The points at a distance from the axis x[2], in units of the drawing."""
-    return lambda x: np.abs(np.hypot(x[0], x[1]) - radius) < 1e-5
+def around(radius: float, centre: float = 0.0) -> Surface:
+    """The points at a distance from a line along x[2], at ``centre`` on x[0], in units of the drawing."""
+    return lambda x: np.abs(np.hypot(x[0] - centre, x[1]) - radius) < 1e-5
 
 
 def mesh_solid(

@@ -8,12 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import basix.ufl
-import mpi4py.MPI  # first, see signorini_fx.mechanics.body
 import numpy as np
-import ufl
-from dolfinx import fem
-from dolfinx import mesh as dmesh
 from scipy.spatial.distance import cdist
 
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, rows_of, sides_of
@@ -80,6 +75,12 @@ def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
     """A number for each node of elements of a degree, shape (m, k), the same in all cells that share it; the positions
     of these numbers, shape (n, d); and the nodes on the reference cell, shape (k, d).
     """
+    import basix.ufl
+    import mpi4py.MPI  # first, see signorini_fx.mechanics.body
+    import ufl
+    from dolfinx import fem
+    from dolfinx import mesh as dmesh
+
     coarse, even = straightened(mesh), basix.LagrangeVariant.equispaced
     cell, shape = coarse.cell, coarse.cell.basix_type.name
     domain = ufl.Mesh(basix.ufl.element("Lagrange", shape, 1, even, shape=(cell.dim,)))

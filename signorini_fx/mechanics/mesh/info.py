@@ -30,12 +30,12 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
     """
     size, areas = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
     measure, of_facets = _MEASURES[mesh.dim]
-    diagonal = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
 
     def facets(rows: Ints) -> dict[str, Any]:
         figures: dict[str, Any] = {"facets": len(rows), of_facets: float(areas[rows].sum())}
         return figures | ({"bounds": bounds(mesh.points[mesh.facet_corners[rows].ravel()])} if len(rows) else {})
 
+    coincident = cKDTree(mesh.points).query_pairs(NOTHING_LEFT * mesh.diagonal, output_type="ndarray")
     named = np.concatenate([np.empty(0, dtype=np.int64), *mesh.boundaries.values()])
     return {
         "cells": len(mesh.cells),
@@ -45,7 +45,7 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         "bounds": bounds(mesh.points),
         measure: float(size.sum()),
         "pieces": _pieces(mesh),
-        "coincident": len(np.unique(cKDTree(mesh.points).query_pairs(NOTHING_LEFT * diagonal, output_type="ndarray"))),
+        "coincident": len(np.unique(coincident)),
         "boundaries": {name: facets(rows) for name, rows in mesh.boundaries.items()},
         "unnamed": facets(np.setdiff1d(np.arange(len(mesh.facets)), named)),
         "regions": {

@@ -220,7 +220,8 @@ def curvature(tagged: TaggedMesh) -> float:
     """The largest distance of a midside node from the middle of its side, a length; the same on all ranks."""
     from signorini_fx.mechanics.mesh.files import cells
 
-    if (kind := cells.kind_of_mesh(tagged.mesh)) is None:  # higher ones come from the caller
+    kind = cells.kind_of_mesh(tagged.mesh)
+    if kind is None or kind.degree == 1:  # of a higher degree are those of a caller's own mesh
         return 0.0
     x, nodes = tagged.mesh.geometry.x, compat.geometry_cells(tagged.mesh).astype(np.int64)
     return parallel.global_max(tagged.mesh.comm, cells.curvature(np.asarray(x, dtype=np.float64), nodes, kind))

@@ -121,7 +121,7 @@ def one_mesh(entry: Any) -> Any:
 OneMesh = Annotated[MeshGenerator | MeshFile | InstanceOf[TaggedMeshBase], BeforeValidator(one_mesh)]
 
 
-class Body(Placed, Table):
+class Body(Placed):
     """One of several bodies, with a mesh of its own, which is turned and then moved to its place.
 
     Attributes:

@@ -19,15 +19,15 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
+from pydantic import BeforeValidator, TypeAdapter, ValidationError, WithJsonSchema
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
-from signorini_fx.mechanics.statement.base import problems_of, refused
+from signorini_fx.mechanics.statement.base import Table, problems_of, refused
 from signorini_fx.mechanics.statement.expressions import number, sample
 from signorini_fx.mechanics.statement.rigid_motion import (
     COMPONENTS,
@@ -75,7 +75,7 @@ def turning(rotation: float | tuple[float, ...], dimension: int) -> Array:
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
-class Placed:
+class Placed(Table):
     """What is turned about a pivot and then moved by a shift: a table with these keys, a shape or a body."""
 
     if TYPE_CHECKING:
@@ -85,8 +85,8 @@ class Placed:
 
     def placing_contradictions(self, dimension: int) -> Iterator[tuple[str, str]]:
         """Vectors that do not fit the dimension of the mesh, and why."""
-        where, entries = MESH_IS[dimension], dict[str, Any](cast("BaseModel", self))
-        for key, value in entries.items():
+        where = MESH_IS[dimension]
+        for key, value in self:
             vector = isinstance(value, tuple) and key not in ("rotation", "moment") and not isinstance(value[0], tuple)
             if vector and len(value) != dimension:
                 yield key, f"{where}: give {dimension} numbers, not {len(value)}"

@@ -1,4 +1,4 @@
-"""A mesh in 2D or in 3D as plain arrays on one rank: the content of a file, and the body in it.  No dolfinx here."""
+"""A mesh in 2D or in 3D as plain arrays on one rank: the content of a file, and the body in it."""
 
 from __future__ import annotations
 
@@ -137,6 +137,11 @@ class MeshArrays:
     def degree(self) -> int:
         """Polynomial degree of the geometry."""
         return self.cell.degree
+
+    @property
+    def diagonal(self) -> float:
+        """That of the box around the nodes, length."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 
 def from_raw(

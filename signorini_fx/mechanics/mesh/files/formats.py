@@ -66,7 +66,7 @@ def read_file(
     if mesh.drawn:
         drawn = read_gmsh(mesh, named, halvings, degree, sizes, joined=joined)
         # Nodes between the corners are for curves.
-        near = SAME_LENGTH * float(np.linalg.norm(np.ptp(drawn.points, axis=0)))
+        near = SAME_LENGTH * drawn.diagonal
         straight = degree == 2 and curvature(drawn.points, drawn.cells, drawn.cell) <= near
         return straightened(drawn) if straight else drawn
     if suffix == ".msh":
