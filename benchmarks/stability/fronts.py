@@ -561,16 +561,18 @@ def compared(drawn: RandomProblem, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Stat
 
 
 def main(count: int, first: int = 0) -> int:
-    """Compare the fronts, and print how many differ."""
-    ends, wrong = Counter[str](), 0
+    """Compare the fronts on all ranks, and print how many differ."""
+    ends, wrong, comm = Counter[str](), 0, MPI.COMM_WORLD
     for seed in range(first, first + count):
         drawn = RandomProblem.drawn(seed)
-        status, found = compared(drawn)
+        status, found = compared(drawn, comm)
         ends[status.value] += 1
         wrong += bool(found)
-        if found:
+        if found and comm.rank == 0:
             print(f"seed {seed}: {drawn.kind}, {drawn.law[0]}, {drawn.settings}: {'; '.join(found[:6])}", flush=True)
-    print(f"{count} problems, {wrong} with a difference; {', '.join(f'{n} {end}' for end, n in ends.most_common())}")
+    if comm.rank == 0:
+        counts = ", ".join(f"{number} {end}" for end, number in ends.most_common())
+        print(f"{count} problems on {comm.size} ranks, {wrong} with a difference; {counts}")
     return int(wrong > 0)
 
 
