@@ -78,7 +78,7 @@ def test_foundations_are_seen_from_the_body():
     """A plane from above, gray; not from below, where it would hide the body."""
     ground = drawing.ground_of(over([0.2] * 4), 1.0)
     np.testing.assert_allclose(ground[0][:, 2], -0.2)
-    assert normals_of(*ground)[0, 2] > 0
+    assert normals_of(ground[0][ground[1]])[0, 2] > 0
     corner = ground[0][np.argmin(ground[0] @ view.oblique().right)]
     inside = corner + 0.1 * (ground[0].mean(axis=0) - corner)
     for elevation in (24.0, -24.0):

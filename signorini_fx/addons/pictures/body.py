@@ -122,7 +122,7 @@ class DrawnBody:
         return np.where(np.isfinite(moved), moved, self.points)
 
 
-def normals_of(points: Floats, facets: Rows) -> Floats:
+def normals_of(corners: Floats) -> Floats:
     """Normals of polygons by the order of their corners, as long as their areas, shape (m, 3)."""
-    corners = points[facets] - points[facets].mean(axis=1, keepdims=True)
+    corners = corners - corners.mean(axis=1, keepdims=True)
     return np.asarray(0.5 * np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))

@@ -42,8 +42,9 @@ def deformed_mesh(
     panels, remark = [(factor, seen)], magnified(foundations, factor)
     zone, moved = _small_zone(foundations, body.size), body.moved(factor)
     field, values = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name).ravel()
-    ends = usual_range(values, _areas(moved[body.triangles]).repeat(3) / 3, signed=field.signed)
-    if zone is not None:  # the scale is that of what is enlarged
+    if zone is None:
+        ends = usual_range(values, _areas(moved[body.triangles]).repeat(3) / 3, signed=field.signed)
+    else:  # the scale is that of what is enlarged
         panels.append((1.0, zone))
         remark = f"left: {remark}; right: the contact zone as it is"
         places = body.moved(1.0)[body.within]

@@ -31,7 +31,8 @@ class Foundation:
     touching: npt.NDArray[np.bool_]  # nodes in contact, shape (k,)
     facets: Rows | None = None  # in 3D nodes of each facet, in order along its perimeter, shape (m, 3) or (m, 4)
     rigid: bool = True  # False: another body, which is drawn itself
-    # the whole of a rigid one near the body, see ``drawn_shapes``; None: only what is opposite of the nodes is known
+    # the whole of a rigid one near the body, see ``drawn_shapes``, in 2D of one part of a boundary, [] of the others;
+    # None: only what is opposite of the nodes is known
     surface: Any = None
 
     def drawn(self, factor: float) -> Floats:
@@ -47,7 +48,7 @@ class Foundation:
 
     def _directions(self, points: Floats) -> Floats:
         """Along the sides in 2D, normals of the facets in 3D."""
-        return np.diff(points, axis=0) if self.facets is None else normals_of(points, self.facets)
+        return np.diff(points, axis=0) if self.facets is None else normals_of(points[self.facets])
 
     def mirrored(self) -> list[Foundation]:
         """In 2D with that on the other side of the axis, which is x[0] = 0, in one line if it begins or ends there."""
@@ -60,7 +61,7 @@ class Foundation:
             if np.hypot(*(start - end)) <= 4 * np.hypot(*(end - last)):  # the axis itself has no contact points
                 joined = {name: np.concatenate((rows, other[name])) for name, rows in one.items()}
                 return [replace(self, **joined, surface=surface)]
-        return [replace(self, surface=surface), replace(self, **image, surface=surface)]
+        return [replace(self, surface=surface), replace(self, **image, surface=None if surface is None else [])]
 
 
 def foundations_of(
@@ -73,14 +74,16 @@ def foundations_of(
         tools: how the rigid tool of a boundary has moved at points of shape (n, d).
         shapes: the whole foundation of a boundary, see ``drawn_shapes``.
     """
-    foundations = []
+    foundations, left = list[Foundation](), dict(shapes)
     for boundary, facets in _parts(table):
         nodes, normals, name = boundary.vectors(""), boundary.vectors("n_"), str(boundary.columns["boundary"][0])
         gap = boundary.floats("gap")
         if name in tools:  # of its motion that along the normals is seen
             gap = gap + np.sum(normals * tools[name](nodes), axis=1)
         known = nodes, normals, gap, boundary.touching, facets
-        foundations.append(Foundation(*known, not boundary.against, shapes.get(name)))
+        foundations.append(Foundation(*known, not boundary.against, left.get(name)))
+        if name in left and facets is None:
+            left[name] = []
     return foundations
 
 

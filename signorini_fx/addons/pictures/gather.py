@@ -14,7 +14,7 @@ import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from signorini_fx.addons.pictures.body import DrawnBody, tiling
+from signorini_fx.addons.pictures.body import DrawnBody, normals_of, tiling
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.style import Floats
 from signorini_fx.machine import compat, parallel
@@ -69,8 +69,7 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     positions = partial(_positions, mesh)
     if dim == 3:  # counterclockwise as seen from outside
         x, middle = at(positions), positions(corners.mean(axis=0)[None], cells)[:, 0]
-        a, b, c = (x[:, k] for k in tiles.vertices[:3])
-        inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), x.mean(axis=1) - middle) < 0
+        inwards = np.einsum("ij,ij->i", normals_of(x[:, tiles.vertices]), x.mean(axis=1) - middle) < 0
         place = place + len(sides) * inwards
     columns = np.concatenate((at(positions), at(partial(_values_at, solution.displacement))[..., :dim]), axis=2)
     outline = None

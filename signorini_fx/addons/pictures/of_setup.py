@@ -161,10 +161,7 @@ def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, F
     """
     mesh, dim = tagged.mesh, tagged.dimension
     corners = _corners(tagged, dim - 1, facets)
-    if dim == 2:
-        areas = (corners[:, 1] - corners[:, 0])[:, ::-1] * (1.0, -1.0)
-    else:
-        areas = normals_of(corners.reshape(-1, 3), np.arange(corners[..., 0].size).reshape(corners.shape[:2]))
+    areas = normals_of(corners) if dim == 3 else (corners[:, 1] - corners[:, 0])[:, ::-1] * (1.0, -1.0)
     inside = mesh.geometry.x[geometry_cells(mesh)[facet_entities(mesh, facets)[:, 0]], :dim].mean(axis=1)
     inwards = np.einsum("ij,ij->i", areas, corners.mean(axis=1) - inside) < 0
     corners[inwards] = corners[inwards, ::-1]

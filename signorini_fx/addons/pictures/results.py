@@ -13,7 +13,7 @@ import numpy as np
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.gather import gather_body
-from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes
+from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes, tools_of
 from signorini_fx.addons.pictures.style import finish, plain
 from signorini_fx.machine.result_files import Table
 from signorini_fx.machine.terminal import say
@@ -59,7 +59,7 @@ def _fields(solution: Solution, asked: Sequence[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class ResultPictures:
-    """What the pictures of a result are drawn from, on the first rank."""
+    """A solution and what was gathered of it for its pictures; ``draw`` is called on the first rank."""
 
     solution: Solution
     suffixes: Sequence[str]  # of the files to write
@@ -109,9 +109,7 @@ class ResultPictures:
         from signorini_fx.addons.pictures.foundation import foundations_of
         from signorini_fx.addons.pictures.marks import Largest
 
-        contacts, tools = self.solution.statement.contact, self.solution.last_step.tools
-        moved = {contacts[part].boundary: tool.at for tool in tools for part in tool.body.parts}
-        foundations = [] if contact is None else foundations_of(contact, moved, self.shapes)
+        foundations = [] if contact is None else foundations_of(contact, tools_of(self.solution), self.shapes)
         draw: Callable[..., tuple[Figure, str]]
         if self._dimension == 2:
             from signorini_fx.addons.pictures.deformed_body import deformed_mesh as draw

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.addons.pictures.body import normals_of
 from signorini_fx.addons.pictures.style import Floats, Rows
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
@@ -46,10 +47,15 @@ def triangles_of(distance: Distance, tagged: TaggedMesh) -> Triangles:
     points = np.asarray(surface.points, dtype=np.float64)
     triangles = surface.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
     corners = points[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    away = np.einsum("ij,ij->i", normals, distance.direction(corners.mean(axis=1).T).T) > 0
+    away = np.einsum("ij,ij->i", normals_of(corners), distance.direction(corners.mean(axis=1).T).T) > 0
     triangles[away] = triangles[away, ::-1]
     return points, triangles
+
+
+def tools_of(solution: Solution) -> dict[str, Callable[[Floats], Floats]]:
+    """Of each boundary that a rigid tool may touch, how the tool has moved at points of shape (n, d)."""
+    contacts = solution.statement.contact
+    return {contacts[part].boundary: tool.at for tool in solution.last_step.tools for part in tool.body.parts}
 
 
 def drawn_shapes(solution: Solution) -> dict[str, Any]:
@@ -58,16 +64,13 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
     In 2D these are lines, see ``lines_of``; in 3D points and triangles, see ``triangles_of``, where PyVista is there.
     """
     tagged, last = solution.model.tagged, solution.last_step
-    moved: dict[int, Callable[[Floats], Floats]] = {part: tool.at for tool in last.tools for part in tool.body.parts}
-    drawn: dict[str, Any] = {}
+    drawn, tools = dict[str, Any](), tools_of(solution)
     if tagged.dimension == 3 and not parallel.on_root(solution.comm, lambda: find_spec("pyvista") is not None):
         return drawn
-    for part, effect in enumerate(solution.statement.placed(last.place).contact):
+    for effect in solution.statement.placed(last.place).contact:
         if effect.surface is None:
             continue
-        distance = effect.gap_in(tagged.dimension)
-
-        at = moved.get(part, np.zeros_like)
+        distance, at = effect.gap_in(tagged.dimension), tools.get(effect.boundary, np.zeros_like)
         if tagged.dimension == 2:
             drawn[effect.boundary] = [line + at(line) for line in lines_of(distance, tagged)]
         else:

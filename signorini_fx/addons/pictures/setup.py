@@ -112,7 +112,8 @@ class Setup:
     def _coloured(self) -> list[tuple[NamedBoundary, str, Any]]:
         """Each boundary with facets, its colour, and the style of its line."""
         shown, count = [boundary for boundary in self.boundaries if len(boundary.corners)], len(_COLOURS)
-        lines = [_LINES[min(k // count, len(_LINES) - 1)] for k in range(len(shown))]
+        styles = _LINES if self.polygons.shape[2] == 2 else _LINES[:1]  # in 3D facets are coloured
+        lines = [styles[min(k // count, len(styles) - 1)] for k in range(len(shown))]
         return [(boundary, _COLOURS[k % count], lines[k]) for k, boundary in enumerate(shown)]
 
     @property

@@ -78,7 +78,7 @@ def deformed_solid(
     """
     factor = magnification(body, foundations)
     rigid = [foundation for foundation in foundations if foundation.rigid]
-    area = normals_of(body.points, body.triangles) @ seen.toward
+    area = normals_of(body.points[body.triangles]) @ seen.toward
     facing = area > 0
     field, corners = FIELDS[name].labelled(recovered=body.recovered), body.at_corners(name)
     seen_values = corners[facing].ravel()
@@ -88,7 +88,7 @@ def deformed_solid(
     ends = [ground[0] for ground, part in zip(grounds, rigid, strict=True) if ground is part.surface]
     camera = Camera.on(seen, _extent(solid, body.points, ends))
     inch = BODY_INCHES / (2 * float(camera.half.max()))
-    facets = np.linalg.norm(normals_of(moved, body.perimeters), axis=1)
+    facets = np.linalg.norm(normals_of(moved[body.perimeters]), axis=1)
     visible = math.sqrt(float(np.median(facets))) * 72 * inch >= VISIBLE_FACET
     at_rest = None if factor == 1 else body.points
     solid = replace(solid, at_rest=at_rest, edges=_edges(body) if visible else None)
@@ -98,7 +98,7 @@ def deformed_solid(
         point = largest.nearest(body, name)
         inside = np.linalg.norm(largest.place - body.points[point]) > SAME_LENGTH * body.size
         around = body.triangles[(body.triangles == point).any(axis=1)]
-        behind = bool(inside or (normals_of(body.points, around) @ seen.toward <= 0).all())
+        behind = bool(inside or (normals_of(body.points[around]) @ seen.toward <= 0).all())
         mark_largest(axes, camera.flat(largest.moved(body, name, factor)), largest.text, behind=behind)
     tones.bar(figure, axes)
     figure.draw_without_rendering()  # the layout needs a second pass if equal axes do not fill their place
@@ -114,7 +114,7 @@ def ground_of(foundation: Foundation, factor: float) -> tuple[Floats, Rows]:
         points, facets, away = rectangle, np.arange(4)[None], foundation.normals.sum(axis=0)
     elif factor == 1 and foundation.surface is not None:
         return foundation.surface
-    outwards = np.sum(normals_of(points, facets) * away, axis=1) > 0
+    outwards = np.sum(normals_of(points[facets]) * away, axis=1) > 0
     return points, np.where(outwards[:, None], facets[:, ::-1], facets)
 
 
@@ -142,7 +142,7 @@ def telling_view(body: DrawnBody, name: str) -> View:
     """Of the views from above onto the four corners the one that shows most of a field: the cut of a symmetric body
     rather than its back; from the front and the right if that makes no difference.
     """
-    area = normals_of(body.points, body.triangles)
+    area = normals_of(body.points[body.triangles])
     size = np.abs(np.nan_to_num(body.at_corners(name))).mean(axis=1)
     views = [view.oblique(azimuth) for azimuth in (-58.0, -122.0, 58.0, 122.0)]
     shown = [float(np.maximum(area @ sight.toward, 0.0) @ size) for sight in views]
