@@ -61,11 +61,14 @@ def _read(file: Path, problem: JudgedProblem) -> ForeignResult:
     kind = file.suffix.lower()
     if kind not in _READERS:
         raise MeshError(f"{file}: results are read from {', '.join(_READERS)}")
-    printed = _READERS[kind](file)
+    printed, dim = _READERS[kind](file), problem.arrays.dim
+    positions = printed.points if printed.numbers is None else None
+    if any(table is not None and table.shape[1] < dim for table in (printed.displacement, positions)):
+        raise MeshError(f"{file}: displacements and positions with {dim} components are expected, as of the problem")
     rows = _rows_at(file, printed, problem) if printed.numbers is None else _rows_of(file, printed, problem)
-    displacement = _finite(printed.displacement[rows, : problem.arrays.dim])
+    displacement = _finite(printed.displacement[rows, :dim])
     displacement[rows < 0] = np.nan
-    return replace(printed, displacement=displacement, name=file.name)
+    return replace(printed, displacement=displacement, numbers=None, points=None, cells=(), name=file.name)
 
 
 def _finite(values: Floats) -> Floats:
