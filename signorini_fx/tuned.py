@@ -41,7 +41,7 @@ GAMMA_GROWTH = 10.0
 
 # --- linear algebra and nested iteration -----------------------------------------------------------------------------
 
-# Below it factorisations of a solve cost no more than to condense once; docs/evidence/linear_algebra_in_space.csv.
+# With fewer unknowns factorisations cost no more than to condense; docs/evidence/linear_algebra_in_space.csv.
 FEWEST_CONDENSED_UNKNOWNS = 1_500
 # Three dense matrices of this many unknowns take 0.6 GB, on each rank.
 MOST_CONDENSED_UNKNOWNS = 5_000

@@ -46,6 +46,11 @@ class _ForEditors(GenerateJsonSchema):
             described.pop("default", None)
         return described
 
+    def tagged_union_schema(self, schema: Any) -> Any:
+        described = super().tagged_union_schema(schema)
+        described.pop("discriminator", None)
+        return described
+
     def tuple_schema(self, schema: Any) -> Any:
         described = super().tuple_schema(schema)
         return described | {"items": described.pop("prefixItems", [described.get("items")])[0]}

@@ -97,7 +97,8 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
         code = run(comm)
         return code or (EXIT_BAD_INPUT if terminal.output_lost() else EXIT_OK)
     except SignoriniError as error:  # these are raised on all ranks
-        if (petsc := sys.modules.get("petsc4py.PETSc")) is not None:  # at its end it lists unused options, and obeys
+        # At its end PETSc would list unused options, and obey others.
+        if (petsc := sys.modules.get("petsc4py.PETSc")) is not None:
             for name in petsc.Options().getAll():
                 petsc.Options().delValue(name)
         if isinstance(error, SceneError) and source is not None:
