@@ -166,6 +166,9 @@ _ADVICE = {
 
 # The outcomes of a certified solution that is less accurate than required.
 SHORT_OF_ACCURACY = (Status.BUDGET, Status.MEMORY, Status.OUT_OF_REACH, Status.COARSER)
+# What the finer mesh says of the body, not of its solve: statics excludes a solution, or there is one that is too
+# large.  A coarser mesh does not refute this.
+OF_THE_BODY = (Status.NOT_HELD, Status.OPEN, Status.TIPS, Status.SLIDES, Status.TOO_LARGE)
 
 
 @dataclass(frozen=True)

@@ -165,8 +165,7 @@ class ProblemOfForms:
                 nowhere.
             restart: go on from what an earlier run of the same program has stored there, on any number of ranks; the
                 ``commit`` of a nonlinear body is called at the end of each of its load steps again.
-            on_step: called with the result of each load step that has a solution; in a ramp that begins again with the
-                first one anew.
+            on_step: called with the result of each load step that has a solution.
 
         Raises:
             ConvergenceError: a load step has no solution; the ``solution`` of the error has those before it.  Of a
@@ -195,13 +194,15 @@ class ProblemOfForms:
         Raises:
             RuntimeError: there is no solution; or the result depends on what was there before ``advance``, or of a
                 nonlinear body before the last step, as it does with friction, or a state of the material.
-            FormError: an argument is wrong; there is no contact; or that of a nonlinear body is one of two bodies, or
-                with a foundation that forces move.
+            FormError: an argument is wrong; there is no contact; forces move a foundation; or two nonlinear bodies
+                touch.
         """
         if self.status is not Status.CONVERGED:
             raise RuntimeError("there is no solution to differentiate")
         if not self.contact:
             raise FormError([("contact", "there is none: derivatives are those of contact problems")])
+        if self.assembled.rigid.bodies:
+            raise FormError([("contact", "derivatives are not possible yet where forces move a foundation")])
         return add_on("gradient")(of, by, *self._differentiated())
 
     def write(
@@ -324,13 +325,16 @@ class ContactProblem(ProblemOfForms):
             RuntimeError: the problem was given no ``stress``, or there is no solution so far.
             FormError: this has another shape, or some strain has no stress.
         """
+        return self._stress_of(lambda: self.solution)
+
+    def _stress_of(self, solution: Callable[[], Solution]) -> RawStresses:
         outcome = self.assembled.outcome
         if self._stresses is None or self._stresses[0] is not outcome:
-            self._stresses = outcome, self.solution.stress
+            self._stresses = outcome, solution().stress
         return self._stresses[1]
 
     def _errors_in_body(self, solution: Solution) -> tuple[Any, float]:
-        stress = self.stress
+        stress = self._stress_of(lambda: solution)
         if self.assembled.forms.measures:
             wrong = "there is no error estimate where the forms are multiplied by a measure"
             raise FormError([("stress", wrong)])
@@ -381,7 +385,5 @@ class ContactProblem(ProblemOfForms):
         solver = self.assembled
         if solver.outcome is None:
             raise RuntimeError("there is no solution to differentiate")
-        if self.tools:
-            raise RuntimeError("derivatives by what moves a foundation are those of scenes")
         solved = solver.elastic, solver.task, solver.outcome, solver.begun, self.state, self.u, solver.begun.law
         return solver.model, solved, solver.data_now

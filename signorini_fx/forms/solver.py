@@ -29,6 +29,7 @@ from signorini_fx.machine.petsc_objects import free_unused
 from signorini_fx.mechanics.assembly.mesh_entities import assemble
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
+from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, diameter_of
 from signorini_fx.mechanics.model import ElasticBody
@@ -73,7 +74,7 @@ class FormSolver:
         petsc_options: tuple[str, Mapping[str, Any]],  # a prefix, and options without it
     ) -> None:
         space = self.space = forms.space
-        self.forms, self.contact, self.u, self.options = forms, forms.contact, u, petsc_options
+        self.forms, self.u, self.options = forms, u, petsc_options
         self.bcs, self.settings = conditions_of(bcs, space), settings_of(settings)
         names = [f"contact {number}" for number in range(len(forms.contact))]
         self.foundations = self._foundations_class(space, forms.contact, forms.facets, names, forms.masters)
@@ -241,6 +242,11 @@ class FormSolver:
         at_rest = self.foundations.at_rest(fixed, values)
         return self.foundations.rigid_bodies.on(self.foundations.boundary(shapes, fixed[:owned], at_rest))
 
+    @property
+    def contact(self) -> tuple[Foundation | Pair, ...]:
+        """The contact of the forms."""
+        return self.forms.contact
+
     def _case(self, values: Array) -> LoadCase:
         """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,); collective."""
         forces, function = self._forces(), fem.Function(self.space)
@@ -291,6 +297,10 @@ class FormSolver:
 
     def data_now(self, solved: FormSolver | None = None) -> tuple[Any, ...]:
         """The problem of now as derivatives take it; ``solved``: one of the same body with the solution; collective."""
+        return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), *self.contact_now(solved)
+
+    def contact_now(self, solved: FormSolver | None) -> tuple[Any, ...]:
+        """Prescribed values, contact points, gap and law of now, see ``data_now``; collective."""
         solved = self if solved is None else solved
         shapes, fixed, boundary = self.foundations.shapes(), solved.elastic.fixed, solved.boundary
         if any(shape.factor is not None or shape.direction is not None for shape in shapes):
@@ -298,7 +308,7 @@ class FormSolver:
         settings = Settings.of(self.settings)
         data, law = self.foundations.problem(boundary, self.foundations.data(shapes), settings, solved.scales)
         values = prescribed(self.space, conditions_of(self.bcs, self.space))[1][: fixed.size]
-        return [self.forms.compiled[0]], assemble(self.forms.compiled[1]), values, boundary, data.gap, law
+        return values, boundary, data.gap, law
 
 
 @contextmanager

@@ -281,7 +281,8 @@ def _by_cell(function: fem.Function) -> Nodal:
     cells = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
     values = function.x.array.reshape(-1, space.dofmap.index_map_bs)[space.dofmap.list[:cells]]
     numbers = parallel.rows_on_root(comm, np.asarray(space.mesh.topology.original_cell_index[:cells]))
-    return np.asarray(parallel.rows_on_root(comm, values.reshape(cells, -1))[np.argsort(numbers)])
+    rows = parallel.rows_on_root(comm, values.reshape(cells, values.shape[1] * values.shape[2]))
+    return np.asarray(rows[np.argsort(numbers)])
 
 
 def _read_field(path: Path, function: fem.Function) -> None:

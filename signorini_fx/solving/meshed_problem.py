@@ -26,7 +26,7 @@ from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.records import ACCURACY, History, Status
+from signorini_fx.records import ACCURACY, OF_THE_BODY, History, Status
 from signorini_fx.results.accuracy.convergence_table import convergence_table, with_polygon
 from signorini_fx.results.accuracy.error_estimates import Errors, worst_of
 from signorini_fx.results.accuracy.level_results import LevelResult, mean_spacing, regularisation_errors
@@ -34,10 +34,6 @@ from signorini_fx.results.accuracy.pressure_error import polygon_error
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.tuned import MIDDLE_RATIO
-
-# What the finer mesh says of the body, not of its solve: statics excludes a solution, or there is one that is too
-# large.  A coarser mesh does not refute this.
-OF_THE_BODY = (Status.NOT_HELD, Status.OPEN, Status.TIPS, Status.SLIDES, Status.TOO_LARGE)
 
 
 @dataclass(frozen=True)

@@ -222,7 +222,8 @@ def _allowed(model: Model) -> Callable[[fem.Function], float] | None:
     settings = model.statement.solver
     if model.boundary is None or (settings.algorithm, settings.regularisation_error) != ("path-following", "auto"):
         return None
-    recovery, share = StressRecovery.of(model), PATH_ERROR_SHARE[model.statement.element.degree]
+    recovery = model.recovery if isinstance(model, SolidBody) else StressRecovery.of(model)
+    share = PATH_ERROR_SHARE[model.statement.element.degree]
     return lambda y: share * recovery.error(y)
 
 

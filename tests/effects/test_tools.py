@@ -444,5 +444,5 @@ def test_mistakes_of_forms(others, words):
         with pytest.raises(FormError, match="shift: stays"):
             problem.place(0, shift=[0.0, 1.0])
         problem.solve()
-        with pytest.raises(RuntimeError, match="those of scenes"):
+        with pytest.raises(FormError, match="forces move a foundation"):
             problem.gradient("force 0 y", [])

@@ -179,8 +179,6 @@ class _Steps:
         solved: list[_Step] = []
 
         def keep(step: LoadStep) -> None:
-            if step.result.step == 1:  # a ramp may begin again
-                solved.clear()
             model, state = step.body.model, step.result.contact
             assert state is not None
             of = model, step.task, step.outcome, step.start, state, step.result.displacement, step.start.law

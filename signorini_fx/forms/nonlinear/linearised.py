@@ -528,7 +528,7 @@ class LinearisedProblem(FormSolver):
         fixed, supports = prescribed(self.space, conditions_of(self.bcs, self.space))
         at[fixed] = supports[fixed]
         try:
-            _, _, values, boundary, gap, law = super().data_now(solved)
+            values, boundary, gap, law = self.contact_now(solved)
             begins = self._begun_places if begun is None else begun.reshape(self.places.shape)
             motion = self.foundations.motion_at(boundary, begins)
             if (residual := self._evaluated.at(at.copy())) is None:

@@ -25,10 +25,9 @@ from signorini_fx.forms.nonlinear.results import ResidualMechanics, SolvedBody, 
 from signorini_fx.forms.nonlinear.verdicts import Stability, overlap, overlap_of_bodies
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError
-from signorini_fx.records import Status, Timings
+from signorini_fx.records import OF_THE_BODY, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.solution import ConvergenceError
-from signorini_fx.solving.meshed_problem import OF_THE_BODY
 from signorini_fx.tuned import (
     CERTIFICATE_TOLERANCE,
     KEPT_TANGENT,

@@ -270,8 +270,6 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
     for number, entry in enumerate(linear.contact):
         if entry.against is not None and not entry.bonded:
             raise FormError([(f"contact[{number}]", "derivatives are not possible yet where two bodies touch")])
-    if linear.foundations.coordinates.size:
-        raise FormError([("contact", "derivatives are not possible yet where forces move a foundation")])
     if residual.update is not None and linear.step > 0:
         why = "the solution depends on the state of the material before it, whose derivatives are not kept"
         raise RuntimeError(f"{why}: ask for derivatives of the first step, before advance()")
