@@ -259,7 +259,8 @@ SHORTENED_AT_MOST = 30.0
 # in 3D.
 PARTS_OF_EDGE = 3
 # Round-off of forms per unit of eps, of the ratio of the moduli, and of the fourth power of the condition of a
-# tetrahedron.  Source: tests/bounds/test_lifted_tractions.py: those of turned ones differ by a third of this at most.
+# tetrahedron.  Source: tests/bounds/test_lifted_tractions.py at 730724ff: those of turned ones differ by a third of
+# this at most.
 ROUNDED_FORMS = 1e3
 
 # --- check and drafts: what they warn of -----------------------------------------------------------------------------

@@ -5,8 +5,8 @@ With the work R of unit tractions at the vertices of facets on the free motions 
     z(y) = P(z_0 - W^-1 R y),   R^T z(y) + L = 0,
 
 P the closest point of the admissible set.  Their Lagrange multipliers y, one per free motion, maximise a concave
-function, whose gradient is what is not balanced: Newton's method on it.  Pieces of the body that contacts join have
-their motions together, because one pressure stands in the balance of both.
+function, whose gradient is what is not balanced: Newton's method on it.  All pieces of the body have their motions
+together, because one pressure may stand in the balance of two.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signorini_fx.addons.bounds.simplices import Array
+from signorini_fx.addons.bounds.simplices import EPS, Array
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import MANY_STEPS, NOTHING_LEFT
 
 
-@dataclass
+@dataclass(frozen=True)
 class AdmissibleTractions:
     """Those of one contact, at k vertices of each of its m facets."""
 
@@ -110,5 +110,5 @@ def balanced(loads: Array, contacts: list[AdmissibleTractions], small: Array) ->
 def onto_disc(shear: Array, least: Array) -> Array:
     """The closest vectors of a size of at most ``least``, shape (..., d)."""
     size = np.linalg.norm(shear, axis=-1)
-    share = np.divide(least, size, out=np.ones_like(size), where=size > least) * (1 - 2 * np.finfo(float).eps)
+    share = np.divide(least, size, out=np.ones_like(size), where=size > least) * (1 - 2 * EPS)
     return np.asarray(shear * share[..., None])

@@ -20,7 +20,7 @@ from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.mechanics.statement.expressions import Expression, in_space, jumps, sample
+from signorini_fx.mechanics.statement.expressions import Expression, in_space, jumps
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -65,21 +65,6 @@ def refuse_jumps(value: Any, x: Array, label: str) -> None:
         tiny = SAME_LENGTH * np.abs(at_corners).max()
         if ((at_corners.min(axis=1) < -tiny) & (at_corners.max(axis=1) > tiny)).any():
             raise refused(f"a {label} that jumps or has a kink between nodes")
-
-
-def sampled(value: Any, x: Array) -> Array:
-    """A number or an expression at points, shapes (m, q, d) to (m, q)."""
-    return sample(value, in_space(x.reshape(-1, x.shape[2]))).reshape(x.shape[:2])
-
-
-def inside(x: Array) -> Array:
-    """Points inside simplices, half-way from their centroids to their corners, shape (m, k, d)."""
-    return np.asarray((x + x.mean(axis=1, keepdims=True)) / 2)
-
-
-def from_inside(values: Array) -> Array:
-    """Values of linear functions at corners from those at points ``inside``, shape (m, k, ...)."""
-    return np.asarray(2 * values - values.mean(axis=1, keepdims=True))
 
 
 def _switches(node: ast.expr) -> list[ast.expr]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from signorini_fx.addons.bounds.balanced_tractions import onto_disc
-from signorini_fx.addons.bounds.bounded_scene import from_inside, inside, refuse_jumps, refused, sampled
+from signorini_fx.addons.bounds.bounded_scene import refuse_jumps, refused
 from signorini_fx.addons.bounds.contact_parts import MASTER, SLAVE, ContactParts, coefficients
 from signorini_fx.addons.bounds.scene_arrays import Rows
 from signorini_fx.addons.bounds.simplices import (
@@ -26,6 +27,7 @@ from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Force, SampledPoints
+from signorini_fx.mechanics.statement.expressions import in_space, sample
 from signorini_fx.tuned import SAME_LENGTH, ZERO_IN_SOLUTION
 
 # Values at both ends of the linear function whose moments with linear ones are those that Simpson's rule has from nodal
@@ -167,7 +169,7 @@ class PlainProblem:
             for value, along in ((effect.normal, normal), *zip(effect.components, axes, strict=False)):
                 if value is not None:
                     held[facets] += along[:, :, None] * along[:, None]
-                    prescribed = factor * sampled(value, places[nodes])
+                    prescribed = factor * _sampled(value, places[nodes])
                     apart = np.einsum("mcd,md->mc", self.y[nodes], along) - prescribed
                     missed = max(missed, float(np.abs(apart).max(initial=0.0)))
                     largest = max(largest, float(np.abs(prescribed).max(initial=0.0)))
@@ -182,8 +184,8 @@ class PlainProblem:
         x, pair = t.x[t.facets[facets]], self._model.pairs.get(number)
         given_bound = getattr(effect.friction, "bound", 0.0)  # that of Tresca friction
         refuse_jumps(given_bound, x, "friction bound")
-        bound = from_inside(sampled(given_bound, inside(x)))
-        gap = coefficients(sampled(effect.gap_in(d), t.with_middles(t.x)[t.nodes_of_facets[facets]]))
+        bound = _from_inside(_sampled(given_bound, _inside(x)))
+        gap = coefficients(_sampled(effect.gap_in(d), t.with_middles(t.x)[t.nodes_of_facets[facets]]))
         if pair is not None:
             parts = ContactParts.between(t, facets, self._facets(f"master {number}"))
             self._refuse_pair(float(pair.coupling.met), parts, acts=bool(bound.any()))
@@ -247,14 +249,29 @@ class PlainProblem:
             raise refused("friction of sides that are apart")
 
 
+def _sampled(value: Any, x: Array) -> Array:
+    """A number or an expression at points, shapes (m, q, d) to (m, q)."""
+    return sample(value, in_space(x.reshape(-1, x.shape[2]))).reshape(x.shape[:2])
+
+
+def _inside(x: Array) -> Array:
+    """Points inside simplices, half-way from their centroids to their corners, shape (m, k, d)."""
+    return np.asarray((x + x.mean(axis=1, keepdims=True)) / 2)
+
+
+def _from_inside(values: Array) -> Array:
+    """Values of linear functions at corners from those at points ``_inside``, shape (m, k, ...)."""
+    return np.asarray(2 * values - values.mean(axis=1, keepdims=True))
+
+
 def _density(load: Force, x: Array, normal: Array, mass: Array, area: float) -> Array:
     """Of a load at vertices x of m cells or facets, seen from inside, (m, k, d); ``area``: of the boundary."""
     for value in load.given.values():
         refuse_jumps(value, x, load.label)
     each, d = x.shape[1:]
-    places, across = inside(x).reshape(-1, d).T, np.repeat(normal, each, axis=0).T
+    places, across = _inside(x).reshape(-1, d).T, np.repeat(normal, each, axis=0).T
     at = SampledPoints(places, across, lambda effect: area * float(effect.spread), np.repeat(mass, each))
-    return from_inside(np.broadcast_to(load.density(at), places.shape).T.reshape(x.shape))
+    return _from_inside(np.broadcast_to(load.density(at), places.shape).T.reshape(x.shape))
 
 
 def _moduli(rows: Rows, d: int) -> Moduli:

@@ -31,7 +31,7 @@ CORNERS_OF_PARTS: dict[int, Array] = {
     d: np.array([[*np.eye(d + 1)[facet], np.full(d + 1, 1 / (d + 1))] for facet in FACETS[d]]) for d in (2, 3)
 }
 # Vertices of the edges of a facet; in 3D the i-th is opposite its i-th vertex.
-EDGES_OF_FACET: dict[int, Ints] = {2: np.array([[0, 1]]), 3: np.array([[1, 2], [0, 2], [0, 1]])}
+EDGES_OF_FACET: dict[int, Ints] = {2: np.array([[0, 1]]), 3: EDGES[2]}
 # Corners of the quarters of a triangle among its own and the middles of its edges, and their barycentric places.
 QUARTERS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]])
 OF_QUARTERS: Array = np.concatenate((np.eye(3), (1 - np.eye(3)) / 2))[QUARTERS]

@@ -41,8 +41,8 @@ def with_polygon(level: LevelResult, polygon: float) -> LevelResult:
     """A mesh with the errors that its straight facets add."""
     pressure = None if level.pressure is None else level.pressure + polygon_error_of("pressure", polygon)
     energy, loads = (polygon_error_of(name, polygon) for name in ("energy", "force"))
-    changed = {"pressure": pressure, "loads": level.loads + loads, "polygon": polygon}
-    return level.model_copy(update=changed | {"energy": level.energy + energy})
+    sums = {"energy": level.energy + energy, "loads": level.loads + loads}
+    return level.model_copy(update={**sums, "pressure": pressure, "polygon": polygon})
 
 
 def convergence_table(

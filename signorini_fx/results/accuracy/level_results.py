@@ -17,7 +17,8 @@ from signorini_fx.quantities.summary import Number, Price
 
 class LevelResult(Price):
     """A mesh that was solved: the cost and the errors that it shows by itself, loads included, which are those of a
-    ``Price``, and what is compared with other meshes.
+    ``Price``, and what is compared with other meshes.  ``force``, ``zone`` and ``peak`` are None: several meshes, or a
+    ``convergence_table``, tell them.
 
     Attributes:
         loads: the error of the loads on the mesh.
