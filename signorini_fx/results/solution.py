@@ -138,7 +138,8 @@ class Solution:
             # What the whole load does, a part of it need not do.
             another = _ANOTHER.get(self.status) if ended_between else None
             fits = (message for message in named if another is None or another not in message)
-            return between * ended_between + next(fits, self.status.advice)
+            why = next(fits, self.status.advice).removeprefix(f"{self.status.value}: ")
+            return between * ended_between + why
         if self.status in _UNDECIDED and ended_between:
             # What regularisation leaves of slip in each load step wedges a body between several walls.
             wedged = self.statement.has_coulomb and len(self.statement.contact) > 1 and settings.algorithm != "alm"
