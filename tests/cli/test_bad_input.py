@@ -121,6 +121,9 @@ def test_scene(solve_text, text, arguments, message):
 # --- PETSc options ---------------------------------------------------------------------------------------------------
 
 
+MISTYPED = ("ksp_type wrong", "snes_rtol 5", "snes_max_it abc", "pc_type wrong", "pc_factor_mat_solver_type superlu")
+
+
 @pytest.fixture
 def petsc():
     """PETSc's options, as they were before at the end."""
@@ -132,7 +135,7 @@ def petsc():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("said", ["ksp_type nonsense", "snes_rtol 5", "snes_max_it abc", "pc_type nonsense"])
+@pytest.mark.parametrize("said", MISTYPED)
 def test_mistyped_option(petsc, said):
     """It is named on all ranks."""
     name, _, value = said.partition(" ")

@@ -15,7 +15,7 @@ from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.mesh.refinement import refine
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.records import Status
-from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
+from signorini_fx.results.certificate.law_of_method import Law, Tractions
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.solving import solve_on_mesh
@@ -155,17 +155,6 @@ def test_penetration_and_distance(algorithm):
     refused(judged(solution, statement=moved(1e-5 * largest)), "pressure_at_distance")
 
 
-@by
-@pytest.mark.parametrize("coefficient", [0.299, 0.301])
-def test_another_coefficient(algorithm, coefficient):
-    """Shear that fits another friction coefficient: beyond the bound, or slip below it."""
-    solution = solved("Coulomb", algorithm)
-    effect = solution.statement.contact[0]
-    friction = effect.friction.model_copy(update={"coefficient": coefficient})
-    scene = solution.statement.changed(contact=(effect.model_copy(update={"friction": friction}),))
-    refused(judged(solution, statement=scene), "friction_cone" if coefficient < 0.3 else "slip_below_bound")
-
-
 @pytest.mark.parametrize("push", [0.0, 1e-3])
 @pytest.mark.parametrize("gamma", [1e1, 1e11])
 def test_nodes_held_inside_with_a_tangent_free(gamma, push):
@@ -283,24 +272,6 @@ def test_bilateral_contact_where_a_support_holds_a_node(algorithm, offset):
     for change in (1e-3 * offset, -1e-3 * offset):
         other = scene.contact[0].model_copy(update={"gap": offset + change})
         refused(judged(solution, statement=scene.statement.changed(contact=(other,))), "entered")
-
-
-def test_load_steps_build_on_the_step_before():
-    """Friction acts on the increment: with another step before, or none, the second step is refused."""
-    scene = example1(coefficient=0.1, nx=30, ny=10, gamma="auto")
-    push = scene.traction[0].model_copy(update={"y": 0.0, "x": 10.0, "factors": (1.0, 0.5)})
-    solution = alone(scene.model_copy(update={"traction": (*scene.traction, push)}))
-    first = alone(scene.model_copy(update={"traction": (*scene.traction, push.model_copy(update={"factors": None}))}))
-    tagged = solution.model.tagged
-    given = {"law": solution.certificate.law, "step": 1}
-    tractions = Tractions.of(solution.contact)
-    before = PreviousStep(first.displacement, Tractions.of(first.contact))
-    assert certify(solution.statement, tagged, solution.displacement, tractions, before=before, **given).holds
-    refused(certify(solution.statement, tagged, solution.displacement, tractions, **given))
-    farther = first.displacement.copy()
-    farther.x.array[:] *= 1.01
-    wrong = replace(before, displacement=farther)
-    refused(certify(solution.statement, tagged, solution.displacement, tractions, before=wrong, **given))
 
 
 # --- faults in the solver ---------------------------------------------------------------------------------------------

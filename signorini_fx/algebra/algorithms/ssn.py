@@ -38,6 +38,7 @@ from signorini_fx.tuned import (
 _RENEW, _KEEP = -2, -1
 # While the sets repeat and directions of slip change, the residual of the law must be halved in this many steps.
 _TURNS = 6
+_NO_SUCH_FACTOR = 92  # PETSC_ERR_MISSING_FACTOR
 _SNES = PETSc.SNES.ConvergedReason
 # (x, sets, data) of an iterate; None before the first problem.
 Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData | None]
@@ -211,7 +212,8 @@ class SemismoothNewton:
             OptionsError: options of the user may have caused it.
         """
         if self.problem.points.comm.size > 1:
-            raise error
+            no_such_factor = isinstance(error, PETSc.Error) and error.ierr == _NO_SUCH_FACTOR  # on all ranks
+            raise (petsc_options.refused(error) if no_such_factor else None) or error
         unlock(self.x)
         if memory_ended(error):
             return Status.NO_MEMORY

@@ -164,8 +164,7 @@ def equilibrium(
     if balance.lost is not None:
         least_stress = least_stress + LOST_UNITS * np.linalg.norm(balance.lost[reached], axis=1) / area
     unbalanced = np.linalg.norm(residual[reached], axis=1) / area - least_stress
-    worst = share(comm, unbalanced, units.stress[reached_piece])
-    return max(residual_share, worst), unjudged, hidden
+    return max(residual_share, share(comm, unbalanced, units.stress[reached_piece])), unjudged, hidden
 
 
 def change_of_volume(balance: Balance, far: float, strain_energy: float) -> float:

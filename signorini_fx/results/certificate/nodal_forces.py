@@ -173,8 +173,7 @@ class NodalForces:
             total += factor * self._sum(compiled)
             for load in loads:
                 if load.nodal:
-                    current = self.statement.now(load, step)[1]
-                    at_nodes = forces_at_nodes(current, load.label, self.space, self.tagged)
+                    at_nodes = forces_at_nodes(self.statement.now(load, step)[1], load.label, self.space, self.tagged)
                     total += factor * at_nodes.reshape(total.shape)
         return total
 
