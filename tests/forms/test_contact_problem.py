@@ -20,6 +20,7 @@ from signorini_fx import (
     FormError,
     Foundation,
     LinearElastic,
+    NoFriction,
     Tresca,
     read_scene,
     solve,
@@ -194,6 +195,7 @@ def test_what_is_not_certified_is_no_solution(monkeypatch):
     ("load", "friction", "status"),
     [
         ((0.0, -1.0), None, Status.NOT_HELD),
+        ((0.0, -1.0), NoFriction(), Status.NOT_HELD),
         ((0.5, -1.0), Coulomb(0.3), Status.SLIDES),
         ((0.0, 1.0), Coulomb(0.3), Status.OPEN),
     ],
@@ -214,7 +216,7 @@ def test_no_equilibrium(load, friction, status):
     with pytest.raises(RuntimeError, match="no solution"):
         problem.advance()
     force.value = (0.05, -1.0)
-    if friction is not None:
+    if status is not Status.NOT_HELD:
         assert problem.solve() is problem.u
         problem.advance()
 

@@ -16,6 +16,9 @@ class NoFriction(FrictionLaw):
     follows_pressure: ClassVar[bool] = False
     law: Literal["none"] = "none"
 
+    def limit(self, pressure: Array) -> Array:
+        return np.zeros_like(pressure)
+
     @property
     def acts(self) -> bool:
         return False
