@@ -140,21 +140,6 @@ def test_kinds_of_wrong_tractions(kind, name, algorithm):
     refused(judged(solution, **{key: lambda _, value=value: value for key, value in values.items()}), *figures)
 
 
-@by
-def test_penetration_and_distance(algorithm):
-    """A foundation that is nearer, or farther away, than the solver took it to be."""
-    solution = solved("Coulomb", algorithm)
-    effect = solution.statement.contact[0]
-
-    def moved(by):
-        gap = lambda x: effect.gap(x) + by  # noqa: E731
-        return solution.statement.changed(contact=(effect.model_copy(update={"gap": gap}),))
-
-    largest = np.abs(solution.displacement.x.array).max()
-    refused(judged(solution, statement=moved(-1e-5 * largest)), "entered")
-    refused(judged(solution, statement=moved(1e-5 * largest)), "pressure_at_distance")
-
-
 @pytest.mark.parametrize("push", [0.0, 1e-3])
 @pytest.mark.parametrize("gamma", [1e1, 1e11])
 def test_nodes_held_inside_with_a_tangent_free(gamma, push):

@@ -19,6 +19,8 @@ COMM, RIGHT = MPI.COMM_WORLD, SolidBody.certified
 BOWL = {"gap": "0.01*(x[0] - 1)**2"}
 PULLED = {"boundary": "right", "x": 1.0, "factors": [1.0, 1.0001]}
 SLIDING = {"foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["1e-3*t", "0"]}}
+ROUND = {"shape": "circle", "centre": [1.0, -2.0], "radius": 2.0, "pivot": [1.0, -2.0]}
+PRESSED = {"foundation": ROUND | {"force": ["0", "5*t"], "prescribed": {"x": 0.0, "rotation": 0.0}}}
 
 
 def block(contact=BOWL, coefficient=0.3, factors=None, **more):
@@ -37,7 +39,14 @@ def block(contact=BOWL, coefficient=0.3, factors=None, **more):
 
 def of_before(y, tractions, of):
     """The state of the load step before."""
+    of["rigid"] = of["last"].rigid if of["step"] else of["rigid"]
     return (of["last"].displacement, of["last"].tractions) if of["step"] else (y, tractions)
+
+
+def elsewhere(y, tractions, of):
+    """A rigid body that is not where contact has met it."""
+    of["rigid"] = tuple(replace(body, translation=body.translation * 1.0001) for body in of["rigid"])
+    return y, tractions
 
 
 def begun(change):
@@ -93,6 +102,8 @@ WRONG = {
         begun(lambda last: replace(last, moved=None)),
         "wrong_way_slip",
     ),
+    "force on a rigid body of the step before": (block(PRESSED, **STEPS), of_before, "equilibrium"),
+    "rigid body elsewhere": (block(PRESSED), elsewhere, "pressure_at_distance"),
     "linear solver that lies": (block(), inexact, "equilibrium"),
     "ranks that disagree": (block(), of_one_rank, "equilibrium"),
     "stopped early": (block(), of_another(solver={"max_iterations": 2}), "negative_pressure"),
