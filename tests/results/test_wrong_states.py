@@ -50,13 +50,8 @@ def elsewhere(y, tractions, of):
 
 
 def begun(change):
-    """A load step that has begun elsewhere."""
-
-    def wrong(y, tractions, of):
-        of["last"] = change(of["last"]) if of["step"] else of["last"]
-        return y, tractions
-
-    return wrong
+    """A load step that has begun elsewhere; ``change``: of the end of the one before."""
+    return lambda y, tractions, of: of.update(last=of["last"] and change(of["last"])) or (y, tractions)
 
 
 def of_another(**problem):

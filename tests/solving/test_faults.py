@@ -107,6 +107,20 @@ def test_no_space(tmp_path, solutions, fields):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+def test_no_space_for_a_load_step(tmp_path):
+    """NumPy does not give the system's reason where it could not write the whole of an array."""
+    scene = example1(nx=60, ny=20)
+    steps = scene.model_copy(update={"traction": (scene.traction[0].model_copy(update={"factors": (0.5, 1.0)}),)})
+    assert alone(steps).converged  # forms are compiled
+
+    def run():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (6000, 6000))
+        with pytest.raises(OutputError, match=r"checkpoint: cannot be written: no space is left$"):
+            alone(steps, checkpoint=tmp_path)
+
+    assert in_a_child(run) == 0
+
+
 @pytest.mark.slow
 def test_second_run_into_the_same_folder(tmp_path, solutions):
     """While one run holds a folder another one is refused; after it nothing of the first result is left."""

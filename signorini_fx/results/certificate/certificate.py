@@ -113,15 +113,14 @@ def balance_of(forces: NodalForces, displacement: fem.Function, step: float) -> 
     """The forces on a body without contact at a place in the lists of factors; collective."""
     statement, tagged = forces.statement, forces.tagged
     scales = Scales(tagged.dimension, statement.young, tagged.size, forces.kinematics.depth(tagged.size))
-    # With a pressure forces are not those of a change of volume.
-    modulus = max(material.stiffest(pressed=forces.pressed) for material in statement.material)
     return Balance(
         forces.pieces,
         forces.internal(displacement),
         forces.external(step),
         forces.prescribed(step),
         scales,
-        replace(scales, modulus=modulus),
+        # With a pressure forces are not those of a change of volume.
+        replace(scales, modulus=max(material.stiffest(pressed=forces.pressed) for material in statement.material)),
         forces.resisted(displacement),
         *forces.initial(step, displacement),
         dilation=forces.dilation(displacement, step),
@@ -315,10 +314,9 @@ def another_law(
         allowed = settings.regularisation_error
         if allowed == "auto" or left is None or left <= allowed:
             return None
-        gamma = list(laws.values())[-1].gamma_n
         message = (
             f"a regularisation error of {allowed:.2g} was asked for and {left:.2g} is left; with a gamma above "
-            f"{gamma:.3g} round-off would take over; take algorithm = 'alm', which leaves none"
+            f"{[*laws.values()][-1].gamma_n:.3g} round-off would take over; take algorithm = 'alm', which leaves none"
         )
         return Finding("warning", "solver.regularisation_error", message)
     given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
