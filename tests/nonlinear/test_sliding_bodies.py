@@ -35,10 +35,12 @@ from signorini_fx import (
     Pair,
     Status,
     Tresca,
+    solve,
 )
 from signorini_fx.forms.nonlinear.results import certified
 from signorini_fx.mechanics.laws.protocol import Envelope, FrictionLaw, Parameter
 from signorini_fx.results.certificate.law_of_method import Tractions
+from signorini_fx.scenes.reading import parse_scene
 
 PRESSED = ((0, -0.1), (0, -0.2))
 PRESSED_IN_3D = ((0, 0, -0.05), (0, 0, -0.1))
@@ -430,6 +432,30 @@ def test_a_body_inside_another_one(degree, finer):
     with pytest.raises(ConvergenceError, match=r"bodies inside each other \(contact\[0\]: "):
         small.move(0.0, -0.6)
     assert small.problem.status is Status.PASSED
+
+
+def test_bodies_inside_each_other_by_a_gap_that_is_added():
+    """What is added to the distance may be inside: the force is that of meshes that are apart by as much."""
+    cells = {"length": 1.0, "height": 1.0, "nx": 20, "ny": 2}
+    forces = []
+    for gap, apart in ((0.1, 0.0), (0.0, 0.1)):
+        scene = {
+            "body": [
+                {"name": name, "shift": [0.0, shift], "mesh": {"generator": "rectangle", "parameters": cells}}
+                for name, shift in (("lower", 0.0), ("upper", 1.0 + apart))
+            ],
+            "material": {"law": "neo-hooke", "young": 1.0, "poisson": 0.3},
+            "displacement": [
+                *({"boundary": f"{name}.left", "x": 0.0} for name in ("lower", "upper")),
+                {"boundary": "lower.bottom", "y": 0.0},
+                {"boundary": "upper.top", "y": "-0.15*t"},
+            ],
+            "contact": {"boundary": "upper.bottom", "against": "lower.top", "gap": gap},
+            "load_steps": {"times": [1.0]},
+        }
+        solution = solve(parse_scene(scene), MPI.COMM_SELF)
+        forces.append(solution.contact.forces[0][1])
+    assert forces[0] == pytest.approx(forces[1], rel=1e-3)
 
 
 # --- the certificate, and what is refused -----------------------------------------------------------------------------

@@ -199,6 +199,7 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
     steps = math.ceil(min(max(float(way), 1.0), MOST_PLACES))
     for number, pair in foundations.sliding.items():
         of_node = pair.sides.gathered(nodal[:owned])[:, 0]
+        added = max(parallel.largest(comm, foundations.given_gap(number)[pair.local_points], 0.0), 0.0)
         for share in np.arange(1, steps + 1) / steps:
             # Contact at the end would not see what is deeper than its reach.
             seen = pair.reach if share == 1.0 else math.inf
@@ -206,7 +207,7 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
             at = pair.sides.gathered(np.ascontiguousarray(places[:owned]))
             found = _within(cells, places, piece[: len(cells.nodes)], at, of_node)
             within = parallel.global_sum(comm, found.astype(np.int64)) > 0
-            if (deep := _deepest(pair.sides, at, within, seen)) is not None:
+            if (deep := _deepest(pair.sides, at, within, seen, added)) is not None:
                 return f"contact[{number}]: {deep}"
     return ""
 
@@ -231,8 +232,10 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
     return within
 
 
-def _deepest(sides: FacingSides, at: Array, within: Flags, at_most: float) -> InsideBody | None:
-    """The deepest node that is too deep in the other body, along the normal of the other side at its nearest node."""
+def _deepest(sides: FacingSides, at: Array, within: Flags, at_most: float, added: float) -> InsideBody | None:
+    """The deepest node that is too deep in the other body, along the normal of the other side at its nearest node;
+    ``added``: to the distance, length.
+    """
     halves, deepest = np.split(np.arange(len(at)), [sides.slave.nodes.size]), None
     both = zip((sides.slave.surface, sides.master.surface), halves, strict=True)
     surfaces = [surface.displaced(at[half] - surface.x) for surface, half in both]
@@ -242,7 +245,7 @@ def _deepest(sides: FacingSides, at: Array, within: Flags, at_most: float) -> In
         extent = np.linalg.norm(np.ptp(other.corners, axis=1), axis=1) / other.functions.degree
         np.minimum.at(size, other.nodes, extent[:, None])
         nearest = cKDTree(other.x).query(x)[1]
-        depth = np.einsum("nd,nd->n", other.x[nearest] - x, other.directions[nearest])
+        depth = np.einsum("nd,nd->n", other.x[nearest] - x, other.directions[nearest]) - added
         for k in np.flatnonzero(depth > np.minimum(SHAPE_INSIDE * size[nearest], at_most)):
             if deepest is None or depth[k] > deepest.depth:
                 deepest = InsideBody(float(depth[k]), tuple(x[k].tolist()))
