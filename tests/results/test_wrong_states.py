@@ -19,6 +19,10 @@ COMM, RIGHT = MPI.COMM_WORLD, SolidBody.certified
 BOWL = {"gap": "0.01*(x[0] - 1)**2"}
 PULLED = {"boundary": "right", "x": 1.0, "factors": [1.0, 1.0001]}
 SLIDING = {"foundation": {"shape": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "shift": ["1e-3*t", "0"]}}
+CUBE = {
+    "mesh": {"generator": "box", "parameters": dict.fromkeys(("nx", "ny", "nz"), 2)},
+    "displacement": [{"boundary": "top", "x": 0.01, "y": 0.0, "z": -0.003}],
+}
 ROUND = {"shape": "circle", "centre": [1.0, -2.0], "radius": 2.0, "pivot": [1.0, -2.0]}
 PRESSED = {"foundation": ROUND | {"force": ["0", "5*t"], "prescribed": {"x": 0.0, "rotation": 0.0}}}
 
@@ -74,11 +78,6 @@ def inexact(y, tractions, of):
     return y, tractions
 
 
-def of_one_rank(y, tractions, of):
-    """A pressure that one rank takes for another one."""
-    return y, replace(tractions, pressure=tractions.pressure * (1.0 + 1e-3 * (COMM.rank == 0)))
-
-
 STEPS, BACK = {"load_steps": {"times": [1.0, 1.001]}}, [1.0, 0.9]
 WRONG = {
     "support of the step before": (block(factors=[1.0, 1.00001]), of_before, "supports"),
@@ -100,7 +99,16 @@ WRONG = {
     "force on a rigid body of the step before": (block(PRESSED, **STEPS), of_before, "equilibrium"),
     "rigid body elsewhere": (block(PRESSED), elsewhere, "pressure_at_distance"),
     "linear solver that lies": (block(), inexact, "equilibrium"),
-    "ranks that disagree": (block(), of_one_rank, "equilibrium"),
+    "ranks that disagree": (
+        block(),
+        lambda y, t, of: (y, replace(t, pressure=t.pressure * (1.0 + 1e-3 * (COMM.rank == 0)))),
+        "equilibrium",
+    ),
+    "shear across its slip": (
+        block({}, **CUBE),
+        lambda y, t, of: (y, replace(t, shear=t.shear[:, [1, 0, 2]])),
+        "wrong_way_slip",
+    ),
     "stopped early": (block(), of_another(solver={"max_iterations": 2}), "negative_pressure"),
     "open points are closed": (block(), of_another(contact=BOWL | {"kind": "bilateral"}), "negative_pressure"),
     "closed points are open": (block(), of_another(contact={"gap": 0.1}), "entered"),
