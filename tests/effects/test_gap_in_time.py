@@ -27,14 +27,17 @@ def forces(step):
 @pytest.mark.parametrize("gap", ["{} + 0.002*x[0]", "{}*x[0]"])
 @pytest.mark.parametrize("friction", [FRICTION, {"law": "tresca", "bound": 0.5}])
 def test_body_that_contact_alone_holds(gap, friction):
-    """The first step is that on a gap that stays; as the gap changes without load, the body moves rigidly with it."""
+    """The first step is that on a gap that stays; as the gap changes without load, the body moves rigidly with it.
 
-    def block(given, times):
-        contact = {"boundary": "bottom", "direction": [0.0, -1.0], "gap": given, "friction": friction}
+    A direction has no size.
+    """
+
+    def block(given, times, size=1.0):
+        contact = {"boundary": "bottom", "direction": [0.0, -size], "gap": given, "friction": friction}
         return solved(traction=TRACTION, contact=contact, load_steps={"times": times})
 
     times = [0.5, 1.0]
-    timed, still = block(gap.format("0.01*t"), times), block(gap.format("0.005"), times)
+    timed, still = block(gap.format("0.01*t"), times, 2.0), block(gap.format("0.005"), times)
     first, same = timed[0].displacement.x.array, still[0].displacement.x.array
     assert np.allclose(first, same, atol=1e-9 * np.abs(same).max())
     assert np.allclose(forces(timed[1]), forces(still[1]), atol=1e-9)
