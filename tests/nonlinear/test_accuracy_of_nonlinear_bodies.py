@@ -89,6 +89,21 @@ def test_a_mesh_study(fine):
     assert 1 / 3 < row.pressure / pressure < 3
 
 
+def test_a_body_of_revolution():
+    """At small strains the error of the pressure is that of a linear body: both are integrated over rings."""
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 5.0, "height": 2.0, "nx": 20, "ny": 8}},
+        "displacement": [{"boundary": "left", "x": 0.0}, {"boundary": "top", "x": 0.0, "y": -0.003}],
+        "contact": {"boundary": "bottom", "gap": "x[0]**2 / 2000"},
+    }
+    errors = []
+    for law in ("neo-hooke", None):
+        materials = {"young": 1000.0, "poisson": 0.3, "hypothesis": "axisymmetric", **({"law": law} if law else {})}
+        found = solve(parse_scene(scene | {"material": materials, "solver": {"levels": 2}}), MPI.COMM_SELF)
+        errors.append(found.convergence_table[-2].pressure)
+    assert errors[0] == pytest.approx(errors[1], rel=0.02)
+
+
 def test_what_is_not_known():
     """Of zones, of the largest pressure and of cells that lock no error is known."""
     for accuracy, match in (

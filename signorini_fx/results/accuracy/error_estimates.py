@@ -94,7 +94,8 @@ def combined(
     loads, error = total(missed), float(np.sqrt(total(body)))
     contact, top, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0 and table.facets is None:
-        np.add.at(contact, cells, on_facets(boundary, table, interval_squares(table, model.kinematics)) / pressed)
+        kinematics = model.statement.kinematics_in(model.tagged.dimension)  # of nonlinear bodies the model is of forms
+        np.add.at(contact, cells, on_facets(boundary, table, interval_squares(table, kinematics)) / pressed)
         rows = np.append(corner_rows(table), np.argmax(table.columns["pressure"]))
         np.add.at(top, cells, total(contact) * on_facets(boundary, table, beside(table, rows)))
     elif pressed > 0:
