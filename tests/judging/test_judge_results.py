@@ -94,6 +94,20 @@ def test_units_and_single_nodes():
     assert (judgement.word, judgement.reason, judgement.exit_code) == (NOT_TOLD, "nothing moves at all", 7)
 
 
+def test_nodes_within_the_error_of_the_mesh():
+    """One that is moved a little is named, and so are two that are swapped."""
+    deck = DATA / "shelf_CPE4.inp"
+    u, names = displacements("shelf_CPE4"), judged_problem(deck).names.tolist()
+    moved, swapped = u.copy(), u.copy()
+    moved[names.index(22), 1] += 0.004 * np.abs(u).max()
+    swapped[[names.index(3), names.index(22)]] = u[[names.index(22), names.index(3)]]
+    for v, nodes in ((moved, (22,)), (swapped, (3, 22))):
+        judgement = judge(deck, v)
+        assert judgement.word == VIOLATES + "equilibrium", str(judgement)
+        assert all(f"node {node} " in judgement.reason for node in nodes)
+    assert judge(deck, moved).figures["distance"]["value"] < 0.6 < judgement.figures["distance"]["threshold"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("share", "condition"), [(-0.7, "penetration"), (0.7, "complementarity")])
 def test_a_rigid_motion_has_no_strain(share, condition):

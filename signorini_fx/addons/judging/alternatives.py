@@ -31,15 +31,14 @@ class Alternative:
     least: float = -np.inf  # the smallest value
 
 
-def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tuple[str, float] | None:
-    """In words the alternative whose solution is nearest to a displacement, and its distance; None: there is none.
+def nearest_alternative(on_mesh: SolutionOnMesh, v: Floats, enough: float) -> tuple[str, float]:
+    """In words the alternative whose solution is nearest to a displacement, and its distance; "": there is none.
 
     From the distance ``enough`` on no nearer value is sought, in the energy norm.
     """
     size = float(np.abs(on_mesh.displacement).max())
     tried = (_values(on_mesh, v, one, enough) for one in _alternatives(on_mesh.problem.scene, size))
-    found = list(chain.from_iterable(tried))
-    return min(found, key=lambda nearest: nearest[1]) if found else None
+    return min(chain.from_iterable(tried), key=lambda nearest: nearest[1], default=("", np.inf))
 
 
 def _values(on_mesh: SolutionOnMesh, v: Floats, tried: Alternative, enough: float) -> Iterator[tuple[str, float]]:

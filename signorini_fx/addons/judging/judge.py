@@ -47,6 +47,7 @@ _CONDITIONS = {
     "complementarity": "contact presses across an open gap, by {}",
     "friction": "friction is not that of the slip and the pressure, by {}",
 }
+_BESIDE = {"displacement": "displacement", "force": "contact force"}
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,6 @@ class _Judging:
     beside: dict[str, float] = field(default_factory=dict)
     lines: dict[str, str] = field(default_factory=dict)
     violated: dict[str, str] = field(default_factory=dict)
-    _at_one_node: bool = False
 
     @cached_property
     def ours(self) -> SolutionOnMesh:
@@ -182,8 +182,7 @@ class _Judging:
         """Their displacement at all nodes of the mesh, length, shape (n, d)."""
         v = np.full(self.problem.arrays.points.shape, np.nan)
         v[: len(self.theirs.displacement)] = self.theirs.displacement
-        printed_nodes = ~np.isnan(v).any(axis=1)
-        fixed = self.ours.held.all(axis=1) & ~printed_nodes  # programs need not print what they prescribe
+        fixed = self.ours.held.all(axis=1) & np.isnan(v).any(axis=1)  # programs need not print what they prescribe
         v[fixed] = self.ours.displacement[fixed]
         missing = np.flatnonzero(np.isnan(v[: len(self.problem.names)]).any(axis=1))
         if missing.size:
@@ -218,8 +217,9 @@ class _Judging:
         self._figure("distance", distance / size, allowed / size)
         self._head(size, error, distance, printed)
         self._certify(size, allowed)
-        if units := self._units():
-            return ANOTHER, units
+        factor = ours.product(v, ours.displacement) / ours.product(ours.displacement, ours.displacement)
+        if factor > 0 and abs(np.log10(factor)) >= JUDGED_UNITS:
+            return ANOTHER, f"it is {factor:.4g} times the solution: it has other units"
         if self._value("supports") > NEGLIGIBLE:
             return self._violates("supports")
         on_mesh = ours.norm(v - ours.displacement)
@@ -230,8 +230,10 @@ class _Judging:
             return self._strained_alike()
         # So far elements with fewer points may be away.
         farthest = _COARSER * error + printed
-        other_problem = self._other_problem(on_mesh, farthest, printed, agrees=distance <= allowed)
-        if other_problem:
+        left = (NOTABLE if distance <= allowed else JUDGED_LEFT) * on_mesh
+        if nodes := ours.moved_alone(v, min(left, farthest)):
+            return VIOLATES + "equilibrium", f"forces are not balanced around {' and '.join(map(self._node, nodes))}"
+        if other_problem := self._other_problem(on_mesh, min(left + printed, farthest), printed):
             return ANOTHER, other_problem
         if distance <= allowed:
             return self._strained_alike()
@@ -239,8 +241,6 @@ class _Judging:
             return NOT_TOLD, "ADJUST moves nodes, and it is not a result of the mesh as it is before"
         if self.problem.lost:
             return NOT_TOLD, "it is not a result of the problem as read, which lacks what is listed below"
-        if self._at_one_node and self._value("equilibrium") > allowed / size:
-            return self._violates("equilibrium")
         worst = max((condition for condition in self.violated if condition != "supports"), key=self._value)
         if distance <= farthest and self._value(worst) <= _HALF:
             return NOT_TOLD, "it is less accurate than ours, yet no more than elements with fewer points may be"
@@ -262,14 +262,6 @@ class _Judging:
     def _figure(self, name: str, value: float, threshold: float) -> None:
         self.figures[name] = {"value": float(value), "threshold": float(threshold)}
 
-    def _units(self) -> str:
-        """By which factor all of it is too large, if that is one of units, in words; "": it is not."""
-        ours, v = self.ours, self.v
-        factor = ours.product(v, ours.displacement) / ours.product(ours.displacement, ours.displacement)
-        if not factor > 0 or abs(np.log10(factor)) < JUDGED_UNITS:
-            return ""
-        return f"it is {factor:.4g} times the solution: it has other units"
-
     def _in_increments(self) -> float:
         """The distance from our solution in increments, as programs solve with friction; infinite without any."""
         scene = self.problem.scene
@@ -281,21 +273,17 @@ class _Judging:
             return np.inf
         return self.ours.norm(self.v - u)
 
-    def _other_problem(self, on_mesh: float, farthest: float, printed: float, *, agrees: bool) -> str:
+    def _other_problem(self, on_mesh: float, enough: float, printed: float) -> str:
         """The other problem that the result solves, in words; "": there is none."""
         ours, v = self.ours, self.v
-        share_left = NOTABLE if agrees else JUDGED_LEFT
-        enough = min(share_left * on_mesh + printed, farthest)
         names = [step.name for step in ours.solution.shown_steps]
         steps = [ours.norm(v - step) for step in ours.steps]
         if steps and min(steps) <= enough:
             number = int(np.argmin(steps))
             return f"it is the end of load step {number + 1} {names[number]}".rstrip()
-        found = nearest_alternative(ours, v, printed + NEGLIGIBLE * on_mesh)
-        if found is None:
-            return ""
-        other, left = found
-        self.lines["other"] = f"{other}, with which it is {left / on_mesh:.2g} of its distance away"
+        other, left = nearest_alternative(ours, v, printed + NEGLIGIBLE * on_mesh)
+        if other:
+            self.lines["other"] = f"{other}, with which it is {left / on_mesh:.2g} of its distance away"
         return other if left <= enough else ""
 
     def _certify(self, size: float, allowed: float) -> None:
@@ -303,14 +291,18 @@ class _Judging:
         ours, v = self.ours, self.v
         away = np.where(ours.held, np.abs(v - ours.displacement), 0.0)
         node, axis = divmod(int(away.argmax()), v.shape[1])
-        missed = float(away.max() / np.linalg.norm(v, axis=1).max())
+        largest = np.linalg.norm(v, axis=1).max()
+        missed = float(away.max() / largest)
         meant = f"prescribed is {ours.displacement[node, axis]:.4g}"
+        for number, step in enumerate(ours.steps, start=1):
+            if np.abs(np.where(ours.held, v - step, 0.0)).max() <= NEGLIGIBLE * largest:
+                meant += f": its supports are those at the end of load step {number}"
         self._figure("supports", missed, NEGLIGIBLE)
         moved = f"{self._node(node)} is moved by {v[node, axis]:.4g} along {'xyz'[axis]}"
         self.violated["supports"] = f"{moved}, {meant}"
         self.lines["supports"] = f"missed by {_percent(missed)} of the largest displacement"
         tractions, remaining_forces = ours.tractions(v)
-        unbalanced, worst, self._at_one_node = ours.unbalanced(remaining_forces)
+        unbalanced, worst = ours.unbalanced(remaining_forces)
         self._figure("equilibrium", unbalanced / size, allowed / size)
         self.violated["equilibrium"] = f"forces are not balanced, most around {self._node(worst)}"
         self.lines["equilibrium"] = f"{_percent(unbalanced / size)} of the energy norm missing inside the body"
@@ -338,13 +330,10 @@ class _Judging:
             self.beside["displacement" + suffix] = float(largest / np.linalg.norm(u, axis=1).max())
             if own_force > 0:
                 self.beside["force" + suffix] = abs(pressed - own_force) / own_force
-        said = []
-        for key, word in (("displacement", "displacement"), ("force", "contact force")):
-            if key in self.beside:
-                said.append(f"{word} {_percent(self.beside[key])}")
-                if finer is not None:
-                    said[-1] += f" (ours changes by {_percent(self.beside[key + '_of_mesh'])} on the finer mesh)"
-        self.lines["beside ours"] = ", ".join(said)
+        said = {key: f"{word} {_percent(self.beside[key])}" for key, word in _BESIDE.items() if key in self.beside}
+        for key in said if finer is not None else ():
+            said[key] += f" (ours changes by {_percent(self.beside[key + '_of_mesh'])} on the finer mesh)"
+        self.lines["beside ours"] = ", ".join(said.values())
 
     def _head(self, size: float, error: float, distance: float, printed: float) -> None:
         theirs = self.theirs

@@ -147,9 +147,9 @@ class SolutionOnMesh:
             tractions = replace(ours, pressure=ours.pressure + pressure, shear=ours.shear + shear)
         return tractions, np.where(self.held, 0.0, left.reshape(v.shape))
 
-    def unbalanced(self, left: Floats) -> tuple[float, int, bool]:
+    def unbalanced(self, left: Floats) -> tuple[float, int]:
         """How far a displacement that leaves forces at nodes unbalanced, shape (n, d), is from equilibrium in the
-        energy norm where nothing touches, the worst node, and whether this has most of it.
+        energy norm where nothing touches, and the worst node.
         """
         inside = ~self.held.ravel()
         inside[self.points_of_contact.nonzero()[1]] = False
@@ -158,10 +158,21 @@ class SolutionOnMesh:
         # Bodies that nothing holds would make it singular.
         shifted = within + sp.diags_array(np.full(rows.size, np.finfo(float).eps * abs(within.diagonal()).max()))
         correction = splu(sp.csc_array(shifted)).solve(left.ravel()[rows])
-        works = np.zeros(left.size)
-        works[rows] = np.abs(left.ravel()[rows] * correction)
-        at_nodes = works.reshape(left.shape).sum(axis=1)
-        return float(np.sqrt(works.sum())), int(at_nodes.argmax()), bool(2 * at_nodes.max() > works.sum())
+        works = np.abs(left.ravel()[rows] * correction)
+        return float(np.sqrt(works.sum())), int(np.bincount(rows // left.shape[1], works).argmax())
+
+    def moved_alone(self, v: Floats, enough: float) -> list[int]:
+        """One node or two without which another displacement is at most so far from ours; none: there are not."""
+        dim, nodes, numbers = v.shape[1], list[int](), np.arange(len(v))[:, None]
+        own = np.array([[self.stiffness[a::dim, b::dim].diagonal() for b in range(dim)] for a in range(dim)]).T
+        while len(nodes) < 2:
+            forces = (self.stiffness @ (v - self.displacement).ravel()).reshape(v.shape)
+            gained = np.where(self.held, 0.0, forces * np.linalg.solve(own, forces[..., None])[..., 0]).sum(axis=1)
+            nodes.append(int(gained[: len(self.problem.names)].argmax()))
+            v = self.completed(np.where(np.isin(numbers, nodes) | (numbers >= len(self.problem.names)), np.nan, v))
+            if self.norm(v - self.displacement) <= enough:
+                return nodes
+        return []
 
     def certificate(self, v: Floats, tractions: Tractions) -> Certificate:
         """The certificate of a displacement of the last load step with tractions at the contact points."""
