@@ -110,7 +110,7 @@ MEMORY_POWER = {2: 1.1, 3: 1.3}
 # At least this share of the time is taken to grow: the previous mesh may have had a cold start.  Tuned by the same.
 LEAST_GROWING_TIME = 0.25
 # The forecast of what a smaller error costs is for this share of the error.  Choice.
-NEXT_ERROR = {2: 0.1, 3: 0.5}
+NEXT_ERROR = {2: 0.1, 3: 1 / 3}
 # The error of the stress decreases like h to this power where all cells become smaller.
 # Source: docs/evidence/forecasts.csv: 0.69 to 0.91 in 3D; rubber and metal in 2D: 0.72 to 1.04.
 UNIFORM_RATE = 0.8
@@ -118,16 +118,12 @@ UNIFORM_RATE = 0.8
 # problems of demos/studies/forecast_problems.py (f2e60129).
 FIXED_UNKNOWNS = {2: 2300.0, 3: 400.0}
 # Meshes that are divided where the error is: unknowns of the first one, growth from each to the next, and those of the
-# mesh with the error of a uniform one, over the square root of the unknowns of that.
-FIRST_UNKNOWNS, LOCAL_GROWTH, LAST_UNKNOWNS = 300.0, 1.7, 14.0
-# Meshes on the way take this many times as long as their solves.  Tuned like the next two on the
-# problems of docs/evidence/forecasts.csv.
+# mesh with the error of a uniform one, over the square root of the unknowns of that, by dimension.
+FIRST_UNKNOWNS, LOCAL_GROWTH, LAST_UNKNOWNS = 300.0, 1.7, {2: 14.0, 3: 38.0}
+# Meshes on the way take this many times as long as their solves.  Tuned on the problems of docs/evidence/forecasts.csv.
 MESHES_TIMES = 1.8
-# Half of the error on tetrahedra of degree 2 takes as long as a mesh of degree 1 with so many unknowns, and so many
-# times those of the mesh that was solved.
-SPACE_FIXED, SPACE_GROWTH = 6500.0, 3.0
 # Seconds foretold are known within these factors: see docs/evidence/forecasts.csv.
-LOCAL_SPREAD, UNIFORM_SPREAD = 2.0, 3.1
+LOCAL_SPREAD, UNIFORM_SPREAD = {2: 2.0, 3: 3.1}, 3.1
 # --- solution to a given accuracy ------------------------------------------------------------------------------------
 
 # Generated meshes begin with cells this many times as large as those of the scene, by degree.  Choice.

@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 
 DATA = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-COUNT, SECONDS, NUMBER = 60, 60.0, r"([-+]?\d[-+.\de]*)"
+SEED, COUNT, SECONDS, NUMBER = 2026, 60, 60.0, r"([-+]?\d[-+.\de]*)"
 KINDS = ("force", "friction", "support", "gap", "modulus", "units", "step", "node")
 NEEDED = {"force": "loads", "friction": "friction", "modulus": "loads", "support": "held"}
 
 
 def drawn(number: int, kind: str) -> tuple[Any, ...]:
     """A problem, the one that is run instead, what is spoiled, and the words and the value that name it."""
-    rng = np.random.default_rng([30, number, len(kind)])
+    rng = np.random.default_rng([SEED, number, len(kind)])
     fit = [name for name, own in DATA["problem"].items() if own.get(NEEDED.get(kind, "cells"))]
     name = fit[number // (len(KINDS) if kind else 1) % len(fit)]
     own = DATA["default"] | DATA["problem"][name] | {"name": name}
@@ -164,7 +164,7 @@ def judged(folder: Path, name: str, kind: str, number: int) -> tuple[str, ...]:
         problem = judged_problem(file)
         result = read_result(result, problem).displacement * (value if kind == "units" else 1.0)
         if kind not in ("units", "step"):
-            result, nodes = spoiled(said, np.random.default_rng([31, number]), problem, result)
+            result, nodes = spoiled(said, np.random.default_rng([SEED, number]), problem, result)
             said = " ".join([said, *map(str, nodes)])
             words = words or f"node (?:{'|'.join(map(str, nodes))}) "
     judgement = judge(file, result)

@@ -159,7 +159,6 @@ def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) ->
 
 def _coarsest_factor(scene: Scene) -> float:
     """How many times larger the first cells are; coarse nodes are nodes of the scene's mesh, as where a load jumps."""
-    factor = float(COARSER_START[scene.element.degree]) if scene.statement.generated else 1.0
-    while factor > 1 and scene_on(scene_on(scene, factor), 1 / factor) != scene_on(scene, 1.0):
-        factor /= 2
-    return factor
+    if not scene.statement.generated:
+        return 1.0
+    return min(mesh.coarsest(float(COARSER_START[scene.element.degree])) for mesh in scene.meshes)

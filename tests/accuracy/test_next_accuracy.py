@@ -3,11 +3,14 @@
 from dataclasses import replace
 
 import pytest
+from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.results.accuracy import next_accuracy
 from signorini_fx.scenes.checks import check_scene
+from signorini_fx.scenes.mesh import load_mesh
+from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.tuned import NEXT_ERROR
 
 
@@ -52,6 +55,27 @@ def test_without_contact_of_one_body_all_cells_become_smaller():
     assert not next_accuracy.divides_cells(replace(statement, arcs=True), mesh, "energy")
     assert not next_accuracy.divides_cells(replace(statement, generated=False), mesh, "energy")  # quadrilaterals
     assert not next_accuracy.divides_cells(statement, mesh, "peak")
+
+
+@pytest.mark.parametrize(("across", "larger"), [(4, 4.0), (6, 2.0), (5, 1.0)])
+def test_in_space_it_costs_what_the_first_mesh_costs(across, larger):
+    """Its cells are larger than those of the scene where these are their halves."""
+    counts = {"nx": 2 * across, "ny": across, "nz": across}
+    box = {"generator": "box", "parameters": {**counts, "length": 2.0, "cell": "tetrahedron"}}
+    scene = parse_scene(
+        {
+            "mesh": box,
+            "material": {"young": 1000.0, "poisson": 0.3},
+            "displacement": {"boundary": "top", "x": 0.0, "y": 0.0, "z": -0.01},
+            "contact": {"boundary": "bottom"},
+        }
+    )
+    assert scene.mesh.coarsest(8.0) == larger
+    dofs = 3 * (2 * across + 1) * (across + 1) ** 2
+    refinement = next_accuracy.next_refinement(scene.statement, load_mesh(scene, MPI.COMM_SELF), "energy", dofs)
+    assert refinement.local
+    assert refinement.unknowns >= dofs * (2 / larger) ** 3
+    assert refinement.times[1] > refinement.unknowns / dofs
 
 
 def test_check_foretells_what_it_costs():

@@ -101,6 +101,14 @@ class MeshGenerator(Table):
             raise SceneError([("solver.levels", message)])
         return self.model_copy(update={"parameters": coarser(self.parameters, factor)})
 
+    def coarsest(self, factor: float) -> float:
+        """How many times as large elements can be to be halved to these: a power of 2 up to ``factor``."""
+        if getattr(self._generate(), "coarser", None) is None:
+            return 1.0
+        while factor > 1 and self.coarser(factor).coarser(1 / factor) != self.coarser(1.0):
+            factor /= 2
+        return factor
+
 
 class TaggedMeshBase:
     """The base class of ``mesh.TaggedMesh``, so that a scene can hold one without importing dolfinx."""

@@ -13,9 +13,11 @@ from math import ceil, log
 from signorini_fx.machine.display import duration
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, curvature
 from signorini_fx.mechanics.statement.features import divisible
+from signorini_fx.mechanics.statement.mesh_sources import MeshGenerator
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.summary import CostOfAccuracy
 from signorini_fx.tuned import (
+    COARSER_START,
     FIRST_UNKNOWNS,
     FIXED_UNKNOWNS,
     LAST_UNKNOWNS,
@@ -26,8 +28,6 @@ from signorini_fx.tuned import (
     MESHES_TIMES,
     NEXT_ERROR,
     SAME_LENGTH,
-    SPACE_FIXED,
-    SPACE_GROWTH,
     UNIFORM_RATE,
     UNIFORM_SPREAD,
 )
@@ -88,12 +88,13 @@ def next_refinement(
     # Uniform meshes of bodies with arcs, with curved cells of degree 2, take about as long: they are fewer.
     if local or (able and dimension == 2 and statement.remade and statement.arcs and of in LOCAL):
         unknowns, middle = _divided(statement, dimension, dofs)
-        return NextRefinement(unknowns, (middle / LOCAL_SPREAD, middle * LOCAL_SPREAD), 2, local=local)
+        spread = LOCAL_SPREAD[dimension]
+        return NextRefinement(unknowns, (middle / spread, middle * spread), 2, local=local)
     times, first = NEXT_ERROR[dimension], dofs
     if able and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:
         times, degree, first = 2 * times, 2, 4 * dofs  # as in ``_divided``
     unknowns = first * times ** (-dimension / UNIFORM_RATE)
-    middle = times_of([unknowns], dofs, dimension)
+    middle = times_of([unknowns], dofs, FIXED_UNKNOWNS[dimension])
     return NextRefinement(unknowns, (middle / UNIFORM_SPREAD, middle * UNIFORM_SPREAD), degree, local=False)
 
 
@@ -141,23 +142,25 @@ def next_cost(
 
 def _divided(statement: Statement, dimension: int, dofs: float) -> tuple[float, float]:
     """Unknowns of the last mesh, and how many times as long as the mesh that was solved all of them take."""
-    if dimension == 3:
-        alike = SPACE_FIXED + SPACE_GROWTH * dofs
-        return SPACE_GROWTH * dofs, alike / (FIXED_UNKNOWNS[dimension] + dofs)
-    times = NEXT_ERROR[2]
-    last = (LAST_UNKNOWNS * dofs**0.5 if statement.accuracy is None else dofs) / times
-    if statement.generated and not statement.bodies:  # the first mesh is a coarse one
+    times, mesh = NEXT_ERROR[dimension], statement.origin.get("mesh")
+    last = (LAST_UNKNOWNS[dimension] * dofs**0.5 if statement.accuracy is None else dofs) / times
+    if statement.generated and not statement.bodies and dimension == 2:  # the first mesh is a coarse one
         first, fall = FIRST_UNKNOWNS, last / FIRST_UNKNOWNS
+    elif dimension == 3:  # the first mesh is one of degree 2, with larger cells where these are their halves
+        coarser = mesh.coarsest(COARSER_START[2]) if statement.generated and isinstance(mesh, MeshGenerator) else 1.0
+        first = max(dofs * (2 / coarser) ** 3, FIRST_UNKNOWNS)
+        fall = max(last / first, LOCAL_GROWTH)  # an accuracy takes two meshes
     else:  # with degree 2 a mesh has four times the unknowns, and half of the error
         first, fall = (dofs, 1 / times) if statement.element.degree == 2 else (4 * dofs, 1 / times / 2)
     count = max(ceil(log(fall) / log(LOCAL_GROWTH)), 0) + 1
     meshes = [max(first, last / LOCAL_GROWTH**number) for number in range(count)]
-    return meshes[0], times_of(meshes, dofs, dimension)
+    return meshes[0], times_of(meshes, dofs, FIXED_UNKNOWNS[2])
 
 
-def times_of(meshes: Sequence[float], dofs: float, dimension: int) -> float:
-    """How many times as long as the mesh that was solved others take together; ``meshes``: unknowns of each."""
-    fixed = FIXED_UNKNOWNS[dimension]
+def times_of(meshes: Sequence[float], dofs: float, fixed: float) -> float:
+    """How many times as long as the mesh that was solved others take together; ``meshes``: unknowns of each;
+    ``fixed``: of ``FIXED_UNKNOWNS``.
+    """
     return MESHES_TIMES * sum(fixed + unknowns for unknowns in meshes) / (fixed + dofs)
 
 
