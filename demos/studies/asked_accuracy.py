@@ -11,18 +11,21 @@ over all meshes, and by seconds of the processor.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
-from effectivity import reference_of, scene_of
-from reference import LIMIT, varied
 
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine.result_files import write_csv
 from signorini_fx.mechanics.statement.settings import Accuracy
 from signorini_fx.scenes.solver import solve
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "support"))
+from effectivity import reference_of, scene_of
+from reference import LIMIT, varied
 
 SCENES = ("example1_tresca", "example1_coulomb", "hertz_degree2", "hertz")
 TARGETS = (1e-1, 1e-2, 1e-3)

@@ -11,6 +11,7 @@ reference to that on cells twice as large.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,6 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 from dolfinx import fem
-from effectivity import SCENE_FILES
-from reference import OUTSIDE_OTHER_MESH, interpolated
 
 from signorini_fx.forms.nonlinear.results import stress_of
 from signorini_fx.machine.result_files import write_csv
@@ -36,6 +35,10 @@ from signorini_fx.scenes.mesh_sequence import scene_with
 from signorini_fx.scenes.nonlinear import problem_of
 from signorini_fx.scenes.reading import parse_scene, read_scene
 from signorini_fx.scenes.solver import solve
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "support"))
+from effectivity import SCENE_FILES
+from reference import OUTSIDE_OTHER_MESH, interpolated
 
 COLUMNS = ("stress", "pressure", "force")
 RUBBER = {"law": "neo-hooke", "young": 1.0, "poisson": 0.4}

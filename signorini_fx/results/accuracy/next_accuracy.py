@@ -88,7 +88,7 @@ def next_refinement(
     # Uniform meshes of bodies with arcs, with curved cells of degree 2, take about as long: they are fewer.
     if local or (able and dimension == 2 and statement.remade and statement.arcs and of in LOCAL):
         unknowns, middle = _divided(statement, dimension, dofs)
-        spread = LOCAL_SPREAD[dimension]
+        spread = LOCAL_SPREAD if dimension == 2 else UNIFORM_SPREAD
         return NextRefinement(unknowns, (middle / spread, middle * spread), 2, local=local)
     times, first = NEXT_ERROR[dimension], dofs
     if able and dimension == 2 and degree == 1 and of in LOCAL and statement.units is not None:

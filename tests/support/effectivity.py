@@ -1,6 +1,6 @@
 """How good the estimates of the convergence table are: estimated over true error, mesh by mesh.
 
-    ./env python3 demos/studies/effectivity.py --out docs/evidence/effectivity.csv
+    ./env python3 tests/support/effectivity.py --out docs/evidence/effectivity.csv
 
 The scenes of the demos on uniform meshes, and Example 1 on the meshes that an asked-for accuracy takes, are measured
 against references of much higher accuracy; how far these may be wrong themselves is estimated from coarser ones.  Of
@@ -19,8 +19,8 @@ from pathlib import Path
 import manufactured
 import numpy as np
 import ufl
-from mpi4py import MPI
 from dolfinx import fem
+from mpi4py import MPI
 from reference import Reference, divided, reference_errors, reference_solution
 
 from signorini_fx.machine.result_files import write_csv
@@ -42,7 +42,7 @@ ASKED = 1e-3
 # Element and facets along the contact boundary, whose kinks are off the nodes.
 MADE_UP = {"Q1": ("quadrilateral", 1, (8, 16, 32, 64, 128)), "P2": ("triangle", 2, (8, 16, 32, 64))}
 COLUMNS = ("energy", "pressure", "peak", "zone")
-SCENE_FILES = Path(__file__).parent.parent / "scenes"
+SCENE_FILES = Path(__file__).parents[2] / "demos" / "scenes"
 UNKNOWNS = 200_000
 # Errors below this are none: nodes of both meshes are the same.
 ROUND_OFF = 1e-12

@@ -12,8 +12,8 @@ import basix
 import numpy as np
 import numpy.typing as npt
 import ufl
-from mpi4py import MPI
 from dolfinx import fem
+from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from signorini_fx.machine import compat
