@@ -158,6 +158,13 @@ def test_ranks(name):
         assert force(mine) == pytest.approx(force(theirs), rel=1e-7)
 
 
+def test_condensed():
+    """Each linearisation has another load, which the factor of the first one condenses."""
+    kinds = ("full", "condensed")
+    full, ours = (solve(indented(material("neo-hooke"), solver={"linear_algebra": kind})) for kind in kinds)
+    assert force(ours.steps[-1]) == pytest.approx(force(full.steps[-1]), rel=1e-8)
+
+
 @pytest.mark.one_quick
 @pytest.mark.mpi
 @pytest.mark.parametrize("law", ["neo-hooke", "j2"])
