@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 DATA = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-SEED, COUNT, SECONDS, NUMBER = 2026, 60, 60.0, r"([-+]?\d[-+.\de]*)"
+SEED, COUNT, SECONDS, NUMBER = 2026, 60, "120", r"([-+]?\d[-+.\de]*)"
 KINDS = ("force", "friction", "support", "gap", "modulus", "units", "step", "node")
 NEEDED = {"force": "loads", "friction": "friction", "modulus": "loads", "support": "held"}
 
@@ -188,7 +188,8 @@ def main(what: str, folder: Path, file: str = "") -> None:
             stated, run, *_ = drawn(number, kind)
             (folder / f"{name}.inp").write_text(deck(stated))
             (folder / f"{name}_run.inp").write_text(deck(run))
-            printed = subprocess.run(["ccx", "-i", f"{name}_run"], cwd=folder, stdout=subprocess.PIPE, timeout=SECONDS)
+            command = ["timeout", SECONDS, "ccx", "-i", f"{name}_run"]
+            printed = subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, check=False)
             if b"Job finished" not in printed.stdout:
                 print(name, stated["name"], stated["element"], "ccx has not solved it")
     if file:
