@@ -181,6 +181,8 @@ def main(what: str, folder: Path, file: str = "") -> None:
     for k in range(2 * COUNT):
         number, kind = k % COUNT, KINDS[k % len(KINDS)] if k >= COUNT else ""
         name = f"{number}{kind}"
+        if what == "judge" and not (folder / f"{name}.inp").exists():
+            continue  # CalculiX has not solved it
         if what == "judge":
             rows.append(judged(folder, name, kind, number))
             print(number, *rows[-1], sep=", ", flush=True)
@@ -192,6 +194,7 @@ def main(what: str, folder: Path, file: str = "") -> None:
             printed = subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, check=False)
             if b"Job finished" not in printed.stdout:
                 print(name, stated["name"], stated["element"], "ccx has not solved it")
+                (folder / f"{name}.inp").unlink()
     if file:
         with Path(file).open("w", newline="", encoding="utf-8") as stream:
             csv.writer(stream, lineterminator="\n").writerows(rows)

@@ -46,12 +46,7 @@ _DEGREES = {
     ("tetrahedron", 1): (1, 1),
     ("hexahedron", 1): (2, 1),
 }
-_DEGREES_OF_REVOLUTION = {
-    ("triangle", 1): 2,
-    ("triangle", 2): 4,
-    ("quadrilateral", 1): 6,
-    ("quadrilateral", 2): 8,
-}
+_DEGREES_OF_REVOLUTION = {("triangle", 1): 2, ("triangle", 2): 4, ("quadrilateral", 1): 6, ("quadrilateral", 2): 8}
 # Penetration and slip relative to the size: of augmentation, and of a regularised law, whose gamma is 1e5 moduli over
 # the size, below pressures of ten moduli.  Forces are relative to the largest one.
 _NEAR, _SMALL = {"alm": 1e-6, "auto": 1e-4}, 1e-6
@@ -133,27 +128,9 @@ class RandomScene:
         if heated:
             paths = [shares, np.linspace(0, 1, len(shares) + 1)[1:], np.ones(len(shares))]
             warmth[:] = np.outer(paths[rng.integers(3)], rng.uniform(-0.1, 0.1, 1 + dim) * (0.02 if small else 1.0))
-        return cls(
-            kind,
-            law,
-            cell,
-            degree,
-            sizes,
-            counts,
-            rollers,
-            shape,
-            centre,
-            radius,
-            normal,
-            ways,
-            push,
-            tuple((begin + np.arange(len(shares))).tolist()),
-            friction,
-            pull,
-            "reduced" if reduced else "full",
-            algorithm,
-            warmth,
-        )
+        block, above = (kind, law, cell, degree, sizes, counts, rollers), (shape, centre, radius, normal, ways, push)
+        times, volumetric = tuple((begin + np.arange(len(shares))).tolist()), "reduced" if reduced else "full"
+        return cls(*block, *above, times, friction, pull, volumetric, algorithm, warmth)
 
     @property
     def axes(self) -> str:
