@@ -3,9 +3,9 @@
     ./env python3 demos/studies/forecasts.py --seed 31 --out docs/evidence/forecasts.csv
 
 Problems drawn at random are solved on one mesh, and with the command that their line has.  Seconds are those of the
-processor, forms compiled, the fewer of two runs; errors are estimates.  Other rows of a file that exists stay.  The
-score is that of T. Gneiting and A. Raftery, J. Amer. Statist.
-Assoc. 102 (2007) 359-378, of logarithms: log(high / low), and 2 / alpha times the logarithm of the way beyond an end.
+processor, forms compiled, the fewer of two runs; errors are estimates.  Other rows of a file stay.  The score is that
+of T. Gneiting and A. Raftery, J. Amer. Statist. Assoc. 102 (2007) 359-378, of logarithms: log(high / low), and 2 /
+alpha times the logarithm of the way beyond an end.
 """
 
 from __future__ import annotations

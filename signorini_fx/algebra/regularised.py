@@ -325,11 +325,8 @@ class RegularisedProblem:
         self.next = NextSets(sets, trial, repaired, escapes)
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Use the size of the forces A x as the scale of the residual.
-
-        In a prescribed row there is no force, but the value that is prescribed times an arbitrary factor.  Beside one
-        there is its force on the free rows, however large; only what differs from a rigid motion does anything.
-        """
+        """Use the size of the forces A x as the scale of the residual."""
+        # A prescribed row has the prescribed value times any factor, and rows beside it forces that do nothing.
         acting = [self._acting(forces), self._load_size]
         if self.system.contact.paired:
             area = float(np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2))))

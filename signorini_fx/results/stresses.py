@@ -163,9 +163,7 @@ class StressFields:
         return self._nodal()[:owned], x, lambda at: np.flatnonzero((cells == at).any(axis=1))[0]
 
     def _extreme_of(self, values: Nodal, sign: float = 1.0) -> Extreme:
-        """The largest of values at the same points, or with ``sign`` -1 the smallest, and where; those that are not
-        finite do not count; collective.
-        """
+        """The largest of finite values at the same points, or with ``sign`` -1 the smallest, and where; collective."""
         (_, x, cell_of), topology = self._samples(), self.tensor.function_space.mesh.topology
         values = np.where(np.isfinite(values), sign * values, -np.inf)
         at = int(values.argmax()) if values.size else 0

@@ -247,9 +247,7 @@ class Meshes:
         self.finer: float = 1.0  # how much, on average, the last division of some cells has made the mesh
 
     def _solved(self, state: ContactState | None, number: int) -> SolvedMesh:
-        """The current mesh, the first one as fine as it must be: straight facets of two bodies that fit each other may
-        be so far apart on it that there is no solution, and a nonlinear body may be too coarse for one.
-        """
+        """The current mesh, the first one so fine that there is a solution."""
         while True:
             try:
                 solved = self.problem.solved(number, state, self._coarser)

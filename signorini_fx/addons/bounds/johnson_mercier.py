@@ -61,11 +61,8 @@ class LocalStress:
             self._invert(slice(first, min(first + step, n)))
 
     def _invert(self, chunk: slice) -> None:
-        """Compliance of some cells: least energy with balanced moments.
-
-        The stresses of thin cells grow with the square of their aspect.  A factor of the energy, not the energy itself,
-        is inverted, which would square that again.
-        """
+        """Compliance of some cells: least energy with balanced moments."""
+        # Stresses of thin cells grow with the square of their aspect: a factor of the energy is inverted, not itself.
         t, d, operator = self._t, self._t.dimension, reference(self._t.dimension)[0]
         count, parts, k = d + 1, (d + 1) ** 2, d * d * (d + 1)
         map_ = self._determinant[chunk, None, None] * self._inverse[chunk]

@@ -92,10 +92,7 @@ def _tables(deck: Deck) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _load_tables(deck: Deck, steps: int, *, releases: bool) -> list[tuple[str, dict[str, Any]]]:
-    """Supports and loads; those of a boundary that have the same course over the steps share a table.
-
-    Without ``releases`` the scene has no supports that hold in some steps only.
-    """
+    """Supports and loads, in one table what has the same course on a boundary; ``releases``: supports may end."""
     merged: dict[tuple[Any, ...], dict[str, float]] = {}
     origins: dict[tuple[Any, ...], list[DeckBlock]] = {}
     for load in deck.loads.values():

@@ -193,10 +193,7 @@ def is_nonlinear(deck: Deck, obstacle: str) -> bool:
 
 
 def _nonlinear_law(deck: Deck, section: DeckSection, obstacle: str) -> dict[str, Any] | None:
-    """The keys of a material that is not linear; None: it is linear here.
-
-    Beside rubber one with two constants is that of Saint Venant and Kirchhoff, which knows finite strains.
-    """
+    """The keys of a material that is not linear, as one with two constants beside rubber; None: it is linear here."""
     properties = deck.materials[section.material]
     curve, yielding = properties.get("plastic", (None, None))
     if "rubber" in properties:

@@ -421,9 +421,7 @@ def read_model(file: Path) -> DeckModel:
 def _bodies(
     blocks: Sequence[tuple[str, Ints]], sets: dict[str, list[Ints]], free: Iterator[str]
 ) -> dict[str, list[Ints]]:
-    """The elements of each body of a file, which share no node; nothing, if there is only one.  Its name is that of a
-    set of the file with these elements, or else a free one.
-    """
+    """The elements of each of several bodies, which share no node, by the name of a set with these, or a free one."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

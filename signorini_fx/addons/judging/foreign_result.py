@@ -97,10 +97,7 @@ def _rows_of(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
 
 
 def _rows_at(file: Path, table: ForeignResult, problem: JudgedProblem) -> Ints:
-    """The row of the table at each node; -1: there is none.
-
-    Nodes at one place, as in contact, are told apart by the middles of their cells.
-    """
+    """The row of the table at each node, those at one place told apart by the middles of their cells; -1: none."""
     near = JUDGED_SAME_PLACE * problem.arrays.diagonal
     if table.points is None:
         raise MeshError(f"{file}: has neither numbers nor positions of nodes: give columns node, or x and y")

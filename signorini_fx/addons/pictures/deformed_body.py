@@ -128,10 +128,7 @@ def _draw_body(axes: Axes, body: DrawnBody, name: str, tones: Tones, factor: flo
 
 
 def _refined(corners: Floats, enough: int) -> Floats:
-    """Triangles that are cut into four until there are at least so many, shape (t, 3, ...).
-
-    Between their corners they are linear in all that ``corners`` has, shape (m, 3, ...), and stay so.
-    """
+    """Triangles, linear between corners, cut into four until there are at least so many, shape (t, 3, ...)."""
     while 0 < len(corners) < enough:
         ahead = 0.5 * (corners + np.roll(corners, -1, axis=1))
         outer = np.stack((corners, ahead, np.roll(ahead, 1, axis=1)), axis=2)

@@ -128,10 +128,7 @@ def _basis(element: Any, points: Floats) -> Floats:
 
 
 def _fields(solution: Solution, fields: Sequence[str]) -> tuple[dict[str, Values], bool]:
-    """Fields by name, and whether stresses are the recovered ones, which jump between materials alone; collective.
-
-    Those of nonlinear materials, and of a solution that is not finite, are raw.
-    """
+    """Fields by name, and whether stresses are recovered: not of nonlinear materials, nor if not finite; collective."""
     known = solution.known_stress
     finite = not parallel.any_rank(solution.comm, not np.isfinite(solution.displacement.x.array).all())
     recovered = known is not None and known.recovers and finite

@@ -56,9 +56,7 @@ def gather_setup(tagged: TaggedMesh, statement: Statement | None = None, title: 
 
 
 def _shown(tagged: TaggedMesh, acting: dict[str, list[Effect]]) -> list[str]:
-    """The boundaries that are shown: of two of the same facets only that which the scene uses, and of ``right`` and
-    ``body.right`` the longer one; collective.
-    """
+    """Boundaries to show: of the same facets that which the scene uses, else the longest name; collective."""
     used = [name for name, effects in acting.items() if effects]
     facets = {name: tagged.facets(name) for name in acting}
     equal = np.array(

@@ -80,9 +80,7 @@ def drawn_shapes(solution: Solution) -> dict[str, Any]:
 
 
 def _axes(distance: Distance, tagged: TaggedMesh, count: int) -> list[Floats]:
-    """Coordinates along each axis of a grid around the body, as many on the longest one, so large that a round thing
-    that is not much larger than the body is whole; collective.
-    """
+    """Coordinates along the axes of a grid around the body, and a round thing that is not much larger; collective."""
     low, high = parallel.global_bounds(tagged.mesh.comm, tagged.mesh.geometry.x.astype(np.float64))
     low, high = low[: tagged.dimension], high[: tagged.dimension]
     size, around = float((high - low).max()), 2.2 * getattr(distance.shape, "inradius", np.inf)

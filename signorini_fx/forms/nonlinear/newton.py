@@ -184,14 +184,11 @@ class EquilibriumSolver(Stability):
     # --- Newton's method ----------------------------------------------------------------------------------------------
 
     def _iterate(self) -> Status:
-        """Newton's method from the present ``u``; collective.
+        """Newton's method from the present ``u``, with one increment where F and contact are linear; collective.
 
-        It ends where increments are small and the certificate holds.  The first increment is the last one where F and
-        contact are linear: another would only go on with the outer iteration of a contact problem that is solved.
-        Where increments are small and the certificate does not hold, as with a tangent that is not the derivative of F,
-        iterations go on for as long as they make it better.  With a J, which may be another tangent, the residual of a
-        body at rest is round-off once increments are no longer halved.  Forces there are relative to nothing: where the
-        displacement is round-off of that at the beginning, Newton's method goes on from the undeformed body.
+        It ends where increments are small and the certificate holds, or, as with a J that is not the derivative of F,
+        iterations no longer make it better.  With a J the residual of a body at rest is round-off once increments are
+        no longer halved; where the displacement is round-off, it goes on from the undeformed body.
         """
         linear, u, worst, last_change, keeps = self.linear, self.u, np.inf, np.inf, False
         comm = linear.space.mesh.comm

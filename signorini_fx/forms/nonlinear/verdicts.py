@@ -233,9 +233,7 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
 
 
 def _deepest(sides: FacingSides, at: Array, within: Flags, at_most: float, added: float) -> InsideBody | None:
-    """The deepest node that is too deep in the other body, along the normal of the other side at its nearest node;
-    ``added``: to the distance, length.
-    """
+    """The deepest node too deep in the other body, along the normal there; ``added``: to the distance, length."""
     halves, deepest = np.split(np.arange(len(at)), [sides.slave.nodes.size]), None
     both = zip((sides.slave.surface, sides.master.surface), halves, strict=True)
     surfaces = [surface.displaced(at[half] - surface.x) for surface, half in both]

@@ -87,11 +87,7 @@ def find_pieces(mesh: dmesh.Mesh) -> BodyPieces:
 
 
 def _pieces_of(mesh: dmesh.Mesh) -> BodyPieces:
-    """Those of a whole mesh; collective.
-
-    Each rank labels the components of its own cells.  The labels of the sides between two ranks then determine which
-    of these components are one piece, so that no rank ever holds the whole mesh.
-    """
+    """Those of a whole mesh: labels of sides between two ranks join components of each rank's own cells; collective."""
     comm, topology = mesh.comm, mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim, dim - 1)

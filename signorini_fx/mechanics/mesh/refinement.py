@@ -198,9 +198,7 @@ def size_fields(
 def _affordable(
     sizes: Floats, longest: Floats, corners: npt.NDArray[np.int64], old: Floats, dimension: int, finer: float
 ) -> Floats:
-    """The lengths ``sizes`` at all nodes, longer by a factor where these take too many cells, up to those of the mesh,
-    ``longest`` at nodes and ``old`` of cells.
-    """
+    """Lengths at all nodes, by a factor longer than ``sizes`` if these take too many cells, up to those of the mesh."""
 
     def longer(factor: float) -> Floats:
         return np.minimum(factor * sizes, longest)

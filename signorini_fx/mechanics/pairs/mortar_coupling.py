@@ -309,10 +309,7 @@ def projected(
 
 
 def _mean_normals(tested: Tested) -> Array:
-    """N_i of the nodes of the slave, as if each could carry a point, shape (N, d).
-
-    Where a node has no point, the normal of the master is the mean of those beside it.
-    """
+    """N_i of the nodes of the slave, shape (N, d); without a point from the mean normal of the master beside."""
     slave, master, overlap = tested.slave, tested.master, tested.overlap
     slave_normals = slave.functions.values(overlap.at) @ slave.directions[slave.nodes[overlap.slave]]
     master_normals = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]

@@ -328,9 +328,7 @@ def _at_vertices(
 def _on_edges(
     slave: PairSurface, projection: Projection, facet: Indices, x: Array
 ) -> tuple[Indices, Array, Array, Array, Array]:
-    """The edge of each point at which facets of the slave see edges, its place on the facet, shares of the ends of the
-    edge, the length that it stands for, and n.
-    """
+    """Of points where facets of the slave see edges: edge, place on the facet, shares of its ends, length, and n."""
     corners, ways = slave.x[_around_facet(slave)[facet]], projection.vectors[facet]
     middle, axes = corners.mean(axis=1), axes_across(ways)
     flat, line = (np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, x))

@@ -153,9 +153,7 @@ def _order(kind: str, count: int) -> Any:
 
 
 def _check_ends(file: Path, form: str) -> None:
-    """Refuse a file without the header of its format, which gmsh would take for a script, and a drawing that is cut
-    off, whose end OpenCASCADE may wait for without end.
-    """
+    """Refuse a file without the header of its format, and a drawing cut off, which OpenCASCADE may wait for forever."""
     if not _begins_as(file, form):
         first = _BEGINNINGS[form][0].decode()
         raise MeshError(f"{file}: is no file of the format {form}: it does not begin with {first}")
