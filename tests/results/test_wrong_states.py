@@ -102,7 +102,7 @@ WRONG = {
     "linear solver that lies": (block(), inexact, "equilibrium"),
     "ranks that disagree": (
         block(),
-        lambda y, t, of: (y, replace(t, pressure=t.pressure * (1.0 + 1e-3 * (COMM.rank == 0)))),
+        lambda y, t, of: (y, replace(t, pressure=t.pressure * (1.0 + 1e-3 * (COMM.rank + 1)))),
         "equilibrium",
     ),
     "shear across its slip": (
@@ -120,7 +120,7 @@ WRONG = {
 MAPS = {
     "forces of the slave": lambda map: {"slave": 1.001 * map.slave},
     "forces of the master": lambda map: {"master": 1.001 * map.master},
-    "moments of both": lambda map: {"turning": map.turning + sp.csr_array(([1e-3], ([0], [0])), map.turning.shape)},
+    "moments of both": lambda map: {"turning": map.turning + 1e-3 * sp.eye_array(*map.turning.shape)},
     "distance": lambda map: {"distance": map.distance + 1e-3},
     "area": lambda map: {"weight": 1.001 * map.weight},
 }
