@@ -1,6 +1,7 @@
 """A friction law from outside the package, demos/own_friction.py: one body, two, scenes, and what refuses it."""
 
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from signorini_fx import (
     SceneError,
 )
 from signorini_fx.mechanics.laws.at_points import fault_of
+from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.records import Status
 from signorini_fx.scenes.reading import parse_scene
 from signorini_fx.scenes.solver import solve
@@ -195,6 +197,14 @@ def test_honest_laws(kind, modulus):
     """Are not refused, however far their bounds bend from the modulus of the body."""
     law = kind(F, K).with_values(lambda _, value: np.full(2, value))
     assert not fault_of(law, 2, modulus)
+
+
+def test_a_law_that_does_not_say_its_limit():
+    """Is refused, also where the pressure leaves its bound as it is."""
+    keys = {"law": "silent", "__annotations__": {"law": str, "follows_pressure": ClassVar[bool]}}
+    silent = type("Silent", (FrictionLaw,), {"__module__": __name__, "follows_pressure": False, **keys})
+    with pytest.raises(FormError, match="Silent does not say its limit"):
+        solved(silent())
 
 
 def test_a_law_derived_from_coulomb():

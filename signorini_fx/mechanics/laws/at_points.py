@@ -36,8 +36,9 @@ def fault_of(law: FrictionLaw, count: int, modulus: float) -> str:
     """What a law of a user's own says of itself and does not keep, at ``count`` points, for which its parameters are
     arrays; "": nothing was found; ``modulus``: of the body, stress: pressures up to it are tried.
     """
-    if not law.unknown and type(law).limit is FrictionLaw.limit:  # its envelope is its bound
-        return ""
+    kind = type(law)
+    if kind.limit is FrictionLaw.limit and kind.envelope is not FrictionLaw.envelope and not law.unknown:
+        return ""  # its envelope is its bound
     points = np.arange(0, count, 1 + count // TRIED_POINTS)
     exponents = np.arange(PRESSURES_PER_DECADE * SMALLEST_PRESSURE, 1) / PRESSURES_PER_DECADE
     pressure = np.append(0.0, modulus * 10.0**exponents)[:, None]
