@@ -326,7 +326,7 @@ class RegularisedProblem:
 
     def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
         """Use the size of the forces A x as the scale of the residual."""
-        # A prescribed row has the prescribed value times any factor, and rows beside it forces that do nothing.
+        # A prescribed row has the value times any factor, no force; beside it only what is no rigid motion acts.
         acting = [self._acting(forces), self._load_size]
         if self.system.contact.paired:
             area = float(np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2))))

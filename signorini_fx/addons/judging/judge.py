@@ -331,8 +331,9 @@ class _Judging:
             if own_force > 0:
                 self.beside["force" + suffix] = abs(pressed - own_force) / own_force
         said = {key: f"{word} {_percent(self.beside[key])}" for key, word in _BESIDE.items() if key in self.beside}
-        for key in said if finer is not None else ():
-            said[key] += f" (ours changes by {_percent(self.beside[key + '_of_mesh'])} on the finer mesh)"
+        if finer is not None:
+            for key in said:
+                said[key] += f" (ours changes by {_percent(self.beside[key + '_of_mesh'])} on the finer mesh)"
         self.lines["beside ours"] = ", ".join(said.values())
 
     def _head(self, size: float, error: float, distance: float, printed: float) -> None:

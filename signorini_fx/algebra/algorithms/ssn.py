@@ -212,8 +212,9 @@ class SemismoothNewton:
             OptionsError: options of the user may have caused it.
         """
         if self.problem.points.comm.size > 1:
-            no_such_factor = isinstance(error, PETSc.Error) and error.ierr == _NO_SUCH_FACTOR  # on all ranks
-            raise (petsc_options.refused(error) if no_such_factor else None) or error
+            if isinstance(error, PETSc.Error) and error.ierr == _NO_SUCH_FACTOR:  # all ranks have this one
+                raise petsc_options.refused(error) or error
+            raise error
         unlock(self.x)
         if memory_ended(error):
             return Status.NO_MEMORY

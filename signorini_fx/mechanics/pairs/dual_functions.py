@@ -91,7 +91,7 @@ def carried_evenly(side: PairSurface, covered: Indices, weight: Array, movable: 
 
 
 def _absorbed(together: sp.csr_array, portion: Array, nodes: Indices) -> sp.csr_array:
-    """How nodes take over functions: each keeps a share and passes on the rest; columns of sum one, shape (n, N)."""
+    """How nodes take over functions: each keeps a share, nodes beside it get the rest; columns of sum one, (n, N)."""
     tested_nodes = together.diagonal() > 0
     takes = np.where(tested_nodes, portion + NEGLIGIBLE, 0.0)
     others = sp.csr_array(together - sp.diags_array(together.diagonal()))

@@ -309,7 +309,7 @@ def projected(
 
 
 def _mean_normals(tested: Tested) -> Array:
-    """N_i of the nodes of the slave, shape (N, d); without a point from the mean normal of the master beside."""
+    """N_i of the nodes of the slave, shape (N, d); where one has no point, by the mean normal of the master."""
     slave, master, overlap = tested.slave, tested.master, tested.overlap
     slave_normals = slave.functions.values(overlap.at) @ slave.directions[slave.nodes[overlap.slave]]
     master_normals = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]

@@ -85,10 +85,8 @@ class RigidBodies:
             touching = np.isin(boundary.part, body.parts)
             x = self.places(boundary)[touching]
             modes[touching, :, k] = rigid_modes(x, body.pivot(dim), np.array(self.length))
-        flat, number = (
-            modes.reshape(boundary.size, dim, count * motion_count),
-            np.repeat(np.arange(count), motion_count),
-        )
+        flat = modes.reshape(boundary.size, dim, count * motion_count)
+        number = np.repeat(np.arange(count), motion_count)
         moving = replace(boundary, moving=MovingFoundation(flat, self.fixed, self.stiffness, number, self.bodies))
         if moving.friction_axes is not None:
             moving.friction_axes.check_supports(moving.points.movable, "contact.friction", moving.comm)

@@ -314,9 +314,10 @@ def another_law(
         allowed = settings.regularisation_error
         if allowed == "auto" or left is None or left <= allowed:
             return None
+        gamma = list(laws.values())[-1].gamma_n
         message = (
             f"a regularisation error of {allowed:.2g} was asked for and {left:.2g} is left; with a gamma above "
-            f"{[*laws.values()][-1].gamma_n:.3g} round-off would take over; take algorithm = 'alm', which leaves none"
+            f"{gamma:.3g} round-off would take over; take algorithm = 'alm', which leaves none"
         )
         return Finding("warning", "solver.regularisation_error", message)
     given = {name: value for name in ("gamma_n", "gamma_t") if (value := getattr(settings, name)) != "auto"}
