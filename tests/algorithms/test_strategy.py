@@ -5,6 +5,7 @@ import pytest
 from scenes import alone, example1
 
 from signorini_fx.records import Status
+from signorini_fx.scenes.reading import parse_scene
 
 
 @pytest.mark.parametrize("length", [1e-3, 1e3])
@@ -23,3 +24,16 @@ def test_a_loose_body_without_load_is_not_at_rest():
     """Where it is nothing holds it: every position off the foundation is as good."""
     scene = example1(bound=1.5, nx=6, ny=2).model_copy(update={"displacement": (), "traction": ()})
     assert alone(scene, check=False).status is Status.OPEN
+
+
+def test_cooling_on_a_foundation_with_cohesion():
+    """Nothing presses on the body: while springs hold it, no motion is free, and the iteration ends in an outcome."""
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"nx": 3, "ny": 1}},
+        "material": {"young": 1000.0, "poisson": 0.3, "expansion": 1.0},
+        "displacement": {"boundary": "right", "y": 0.0},
+        "temperature": {"change": -0.003},
+        "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 1.4, "cohesion": 0.5}},
+    }
+    solution = alone(parse_scene(scene), check=False)
+    assert solution.status is Status.OUTER_MAX_ITERATIONS and solution.certificate.holds

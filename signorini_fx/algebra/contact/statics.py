@@ -176,7 +176,7 @@ def reactions(
     flat = motions.relative.reshape(points.size, (1 + tangents) * k)
     table = parallel.gather_rows(points.comm, np.column_stack((flat, *laws)))
     base_bound, share, cap, sides, able, assembly = table[:, (1 + tangents) * k :].T
-    sideways = table[:, k : (1 + tangents) * k].reshape(-1, tangents, k)
+    sideways = table[:, k : (1 + tangents) * k].reshape(len(table), tangents, k)
     # A foundation that may pull as well as push gives friction without limit but a cap: F |lambda| is not convex.
     unlimited = (share > 0) & ((sides > 0) | (share > LARGEST_BALANCING_FORCE))
     return Reactions(
