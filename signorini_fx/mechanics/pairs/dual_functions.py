@@ -140,10 +140,16 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
     them, ring by ring, shape (N, k); zero where no ring arrives.
     """
-    known = np.zeros(len(side.x), dtype=bool)
-    known[nodes] = True
-    _, shares = _taken_over(_together(side, np.arange(len(side.nodes))), known)
-    return np.asarray(shares.T @ values)
+    together = _together(side, np.arange(len(side.nodes)))
+    extension, known = np.zeros((len(side.x), values.shape[1])), np.zeros(len(side.x), dtype=bool)
+    extension[nodes], known[nodes] = values, True
+    ring = known
+    while ring.any():
+        number = together @ known.astype(np.float64)
+        ring = (number > 0) & ~known
+        extension[ring] = (together @ extension)[ring] / number[ring, None]
+        known = known | ring
+    return extension
 
 
 def _together(side: PairSurface, facets: Indices) -> sp.csr_array:

@@ -310,21 +310,28 @@ class Overlap:
 
 def scaled_rows(factors: Array, matrix: Any) -> sp.csr_array:
     """Rows of a matrix times factors, shape (n,); what a factor of zero leaves is no entry."""
-    scaled = sp.csr_array(sp.diags_array(factors) @ matrix)
+    scaled = sp.csr_array(matrix, copy=True)
+    scaled.data *= np.repeat(factors, np.diff(scaled.indptr))
     scaled.eliminate_zeros()
     return scaled
 
 
 def scaled_columns(matrix: Any, factors: Array) -> sp.csr_array:
     """Columns of a matrix times factors, likewise."""
-    scaled = sp.csr_array(matrix @ sp.diags_array(factors))
+    scaled = sp.csr_array(matrix, copy=True)
+    scaled.data *= factors[scaled.indices]
     scaled.eliminate_zeros()
     return scaled
 
 
 def of_components(matrix: Any, count: int) -> sp.csr_array:
     """A matrix of nodes as one of vectors at them, which does the same to each of so many components."""
-    return sp.csr_array(sp.kron(matrix, sp.eye_array(count), format="csr"))
+    rows = sp.csr_array(matrix)
+    blocks = rows.data[:, None, None] * np.eye(count)
+    shape = (count * rows.shape[0], count * rows.shape[1])
+    vectors = sp.csr_array(sp.bsr_array((blocks, rows.indices, rows.indptr), shape=shape))
+    vectors.eliminate_zeros()
+    return vectors
 
 
 def beside(left: Any, right: Any) -> sp.csr_array:
