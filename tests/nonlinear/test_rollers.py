@@ -17,6 +17,7 @@ from signorini_fx import (
     solve,
     write_results,
 )
+from signorini_fx.scenes.checks import check_scene
 
 CENTRE, RADIUS = (0.8, 1.5), 0.5
 ROLLER = {"shape": "circle", "centre": list(CENTRE), "radius": RADIUS, "pivot": list(CENTRE)}
@@ -196,6 +197,9 @@ def test_what_is_refused():
     drive["prescribed"] = {"rotation_x": 0.2, "rotation_z": 0.0}
     with pytest.raises(SceneError, match="turn about more than one axis"):
         solve(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
+    drive |= {"prescribed": {"rotation_x": 0.0, "rotation_z": 0.0}, "rotation": [0.0, 0.0, 10.0]}
+    with pytest.raises(SceneError, match=r"foundation\.rotation: forces turn this rigid body about another axis"):
+        check_scene(on_a_box(drive, load_steps={}), MPI.COMM_SELF)
     space, side = rectangle([1.0, 1.0], [2, 2], MPI.COMM_SELF)
     u = fem.Function(space)
     contact = Foundation(side(1, 1.0), shape=ROLLER | {"force": (0.0, -1.0)}, measure=lambda x: x[0])

@@ -50,6 +50,7 @@ from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
 from signorini_fx.mechanics.shapes.simple import Plane
+from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate
@@ -127,6 +128,16 @@ class MovingFoundations(Foundations):
     def rigid_bodies(self) -> MovingTools:
         given = super().rigid_bodies
         return MovingTools(given.bodies, given.kinematics, given.length, self.at, self.coordinates)
+
+    def check_driven(self) -> None:
+        """Also where they are given turned about another axis than forces turn them about."""
+        super().check_driven()
+        for body in self.rigid_bodies.bodies:
+            rotations = map(body.motion.prescribes, COMPONENTS[self._dimension][self._dimension :])
+            turn = np.array([1.0 if value is None else value for value in rotations])
+            for part in body.parts:
+                if reason := self.moving[part].turned_otherwise(turn):
+                    raise FormError([(f"contact[{part}].shape.rotation", reason)])
 
     def carry_to(self, coordinates: Array) -> None:
         """Put tools where they are at coordinates of shape (k,)."""

@@ -72,13 +72,19 @@ class MovingShape:
         moved = shift + motion.translation + (turn_of(turn) - np.eye(dim)) @ about
         update: dict[str, Any] = {"shift": tuple(map(float, moved))}
         if turn.any() or self.shape.rotation is not None:
-            given = np.zeros(turn.size) + np.asarray(home.angles())
-            if dim == 3 and np.cross(given, turn).any():
-                reason = "a rigid body that forces turn is given turned about another axis: leave its rotation out"
+            if reason := self.turned_otherwise(turn):
                 raise FormError([("contact", reason)])
-            angles = (given + np.degrees(turn)).tolist()
+            angles = (np.asarray(home.angles()) + np.degrees(turn)).tolist()
             update["rotation"] = tuple(angles) if dim == 3 else angles[0]
         self.shape = self.shape.model_copy(update=update)
+
+    def turned_otherwise(self, turn: Array) -> str:
+        """Why forces cannot turn it by a rotation vector, as it is given turned about another axis; "": they can."""
+        given = np.zeros(turn.size) + np.asarray(self._home.angles())
+        if turn.size == 1 or not np.cross(given, turn).any():
+            return ""
+        reason = "forces turn this rigid body about another axis, which is not possible yet with a nonlinear body"
+        return f"{reason}: turn what the shape is given by (axis, normal, points), and leave rotation out"
 
     def projected(self, *, linear: bool = True) -> tuple[Array, Array]:
         """The linearised gap without what is added to it, length, shape (n,), and the direction to the shape, unit
