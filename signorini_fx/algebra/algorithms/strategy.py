@@ -347,7 +347,7 @@ def _either_way(
             return s.limited("max_iterations")
         if status is Status.OUTER_MAX_ITERATIONS:
             return s.limited("max_outer_iterations")
-        return status not in (Status.CYCLING, Status.SLIDES_AT_PRESSURES)
+        return status not in (Status.CYCLING, Status.ROUND_OFF, Status.SLIDES_AT_PRESSURES)
 
     last = ended(names[0])
     for name in names[1:]:
