@@ -108,7 +108,8 @@ _ADVICE = {
     ),
     Status.TOO_LARGE: (
         "strains, rotations or displacements are too large for small strains: check the units of E, of the "
-        "loads and of the lengths, the gap, and the supports; solver.largest_deformation is the limit"
+        "loads and of the lengths, the gap, the supports, and whether friction can hold the body; "
+        "solver.largest_deformation is the limit"
     ),
     Status.INVERTED: (
         "the residual of the body is not finite at the displacement that was tried: take smaller steps, a finer mesh "

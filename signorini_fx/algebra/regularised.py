@@ -293,7 +293,8 @@ class RegularisedProblem:
         data = self.data
         u_n, u_t = self.system.contact.traces(x)
         far = 2 * x.norm(PETSc.NormType.NORM_INFINITY) if self.system.contact.paired else np.abs(u_n)
-        stretch = data.gamma_n * np.maximum(far, np.abs(data.gap))
+        pressed = self.sets.contact | self.next.sets.contact
+        stretch = np.where(pressed, data.gamma_n * np.maximum(far, np.abs(data.gap)), 0.0)
         if data.bound is not None:
             stretch = np.maximum(stretch, data.gamma_t * length(u_t))
         largest = parallel.largest(self.points.comm, self.points.weight * stretch)

@@ -17,6 +17,7 @@ from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes import solver
 from signorini_fx.scenes.reading import parse_scene
 
+ANGLE, LENGTH, THICKNESS = np.radians(60.0), 10.0, 0.4
 JUMP = "0.001 if x[0] < 1.37 else 0.002"
 
 
@@ -117,6 +118,45 @@ def test_the_same_solution_on_every_number_of_ranks(make):
     assert energy(ours) == pytest.approx(energy(reference), rel=1e-8)
     ours_force, force = (np.sum(solution.contact.forces, axis=0) for solution in (ours, reference))
     np.testing.assert_allclose(ours_force, force, rtol=0, atol=1e-6)
+
+
+def ladder(coefficient):
+    """A rod of weight 1 whose ends lean on a rough floor and a rough wall with an edge each, in its own frame."""
+    up, right = (np.array([np.sin(ANGLE), np.cos(ANGLE)]), np.array([-np.cos(ANGLE), np.sin(ANGLE)]))
+    planes = {"left": ([0.0, 0.0], up), "right": ([LENGTH, 0.0], right)}
+    data = {
+        "mesh": {
+            "generator": "rectangle",
+            "parameters": {"length": LENGTH, "height": THICKNESS, "nx": 40, "ny": 1},
+        },
+        "material": {"young": 1e5, "poisson": 0.3},
+        "body_force": dict(zip("xy", (-up / (LENGTH * THICKNESS)).tolist(), strict=True)),
+        "contact": [
+            {
+                "boundary": side,
+                "foundation": {"shape": "plane", "point": point, "normal": normal.tolist()},
+                "friction": {"law": "coulomb", "coefficient": coefficient},
+            }
+            for side, (point, normal) in planes.items()
+        ],
+    }
+    return parse_scene(data)
+
+
+@pytest.mark.parametrize("above", [1.003, 1.05])
+def test_a_ladder_just_before_it_slides(above):
+    """Both edges slip at the limit.  Above it the foot slips, which says how much each of them carries.
+
+    The gaps of the other nodes are large, but do not press: their round-off is none of the residual.
+    """
+    high, wide = LENGTH * np.sin(ANGLE), LENGTH * np.cos(ANGLE)
+    weight_at = wide / 2 - THICKNESS / 2 * np.sin(ANGLE)  # from the foot
+    limit = np.roots([wide - weight_at, high, -weight_at]).max()
+    solution = alone(ladder(above * limit))
+    pressed = (wide - weight_at) / (wide - above * limit * high)  # on the floor
+    contact, _ = solution.contact.forces
+    up = np.array([np.sin(ANGLE), np.cos(ANGLE)])
+    assert contact @ up == pytest.approx(pressed, rel=1e-6)
 
 
 # --- trifles ----------------------------------------------------------------------------------------------------------
