@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from boxes import Box, boxes_mesh, scene_on
 from mpi4py import MPI
 from scenes import alone
 from steel_blocks import COMM, ELEMENTS, PLANE, SIZE, YOUNG, body, scene
@@ -311,3 +312,13 @@ def test_mistakes_of_supports(mistake):
     held, message = SUPPORTS_REFUSED[mistake]
     with pytest.raises(SceneError, match=message):
         check_scene(scene(body(), displacement=[held]), COMM)
+
+
+@pytest.mark.mpi
+def test_a_point_with_nodes_of_two_bodies():
+    """Which of them is supported is not guessed, on all ranks alike."""
+    mesh = boxes_mesh(COMM, [Box("lower", 0.0, 0.0, 1.0, 1.0), Box("upper", 0.0, 1.0, 1.0, 1.0)])
+    held = [{"boundary": "bottom lower", "x": 0.0, "y": 0.0}, {"at": [0.0, 1.0], "x": 0.0}]
+    contact = {"boundary": "bottom upper", "against": "top lower"}
+    with pytest.raises(SceneError, match=r"displacement\[1\]\.at: 2 nodes of the mesh are at \(0, 1\)"):
+        check_scene(scene_on(mesh, displacement=held, contact=contact), COMM)

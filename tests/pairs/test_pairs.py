@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from surfaces import ELEMENTS, both, curve
 
+from signorini_fx.mechanics.pairs.dual_functions import carried
 from signorini_fx.mechanics.pairs.mortar_coupling import PairingError, couple
 from signorini_fx.mechanics.pairs.pair_side import turned_normals
 
@@ -77,6 +78,14 @@ def test_nodes_that_cannot_carry_a_point(dimension, element, other):
         np.testing.assert_allclose(relative(found, motion(slave.x), motion(master.x)), 0, atol=1e-11)
     with pytest.raises(PairingError, match="own all nodes"):
         coupled(slave, master, unable=np.ones(len(slave.x), dtype=bool))
+
+
+def test_points_have_positive_weights():
+    """A node whose own function has one, but takes over a larger negative one, carries no point: the next one does."""
+    side, weight = curve("P1", 2, lambda s: [s, 0.0], (0, 1)), np.array([-0.5, 0.3, 1.0])
+    nodes, shares = carried(side, np.arange(2), weight, np.zeros(3, dtype=bool))
+    assert nodes.tolist() == [2]
+    assert shares @ weight == pytest.approx([0.8])
 
 
 def test_sides_that_do_not_fit():

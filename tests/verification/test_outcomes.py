@@ -78,6 +78,14 @@ def test_pushed_off_sideways(law):
         assert not solution.contact.in_contact.any()
 
 
+def test_friction_where_a_support_takes_the_pressure():
+    """A corner that is held along its normal does not press: friction there holds no body."""
+    scene = example1(coefficient="0.8 if x[0] < 0.01 else 0", **SMALL)
+    sides = tuple(support.model_copy(update={"x": None, "y": 0.0}) for support in scene.displacement)
+    scene = scene.model_copy(update={"traction": loaded(2.0, 0.0), "displacement": sides})
+    assert outcome(scene).status is Status.NOT_HELD
+
+
 def fitted(gap, support, algorithm="ssn", **mesh):
     """A block of height 2 between two foundations, without a load."""
     size = {"length": 3.0, "height": 2.0, "nx": 6, "ny": 4, **mesh}
