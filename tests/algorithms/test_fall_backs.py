@@ -105,6 +105,15 @@ def test_monolithic_where_the_fixed_point_does_not_contract():
     assert alone(pulled(5.0, fallbacks=False), check=False).status is Status.OUTER_MAX_ITERATIONS
 
 
+def test_a_fall_back_begins_where_the_first_method_began():
+    """It takes as many solves as where it is tried first; the body is held by friction alone, hence begins in stick."""
+    ways = ({}, {"coulomb": "newton"})
+    loose = (with_contact(pulled(5.0, **way), gap=0.0).model_copy(update={"displacement": ()}) for way in ways)
+    ours, theirs = (alone(scene) for scene in loose)
+    assert fall_backs_of(ours) == ["monolithic Newton from the same start"]
+    assert ours.history.outer[-1].linear_solves == theirs.history.outer[-1].linear_solves
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("make", [jumping, flat])
 def test_the_same_solution_on_every_number_of_ranks(make):

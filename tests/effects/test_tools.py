@@ -147,6 +147,13 @@ def test_a_force_and_the_motion_that_it_causes_give_the_same(dimension, law, alg
     assert forced.certificate.worst < 1e-9
 
 
+def test_multigrid_moves_the_nodes_that_a_tool_holds():
+    """On the finer of two nested meshes, as on the coarser one: a Krylov method ends, and nothing is factorised."""
+    solution = solve(block(3, "coulomb", "krylov", parts=(4, 4, 2), solver={"levels": 2}, **pressed(3, "coulomb")))
+    assert solution.linear_algebra.startswith("krylov")
+    assert "linear solver failed: the matrix is factorised" not in solution.history.events
+
+
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("dimension", "algebra", "poisson"), [(2, "condensed", 0.49), (2, "full", 0.5), (3, "full", 0.5)]
