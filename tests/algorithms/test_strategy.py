@@ -36,4 +36,5 @@ def test_cooling_on_a_foundation_with_cohesion():
         "contact": {"boundary": "bottom", "friction": {"law": "coulomb", "coefficient": 1.4, "cohesion": 0.5}},
     }
     solution = alone(parse_scene(scene), check=False)
-    assert solution.status is Status.OUTER_MAX_ITERATIONS and solution.certificate.holds
+    assert solution.status is Status.OUTER_MAX_ITERATIONS
+    assert solution.certificate.holds
