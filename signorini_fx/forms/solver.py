@@ -311,33 +311,17 @@ class FormSolver:
         return values, boundary, data.gap, law
 
 
-# The options of the problem that is being solved, as they are set, without the prefix.
-_APPLIED: dict[str, str | None] = {}
-
-
 @contextmanager
 def options_applied(prefix: str, problem_options: Mapping[str, Any]) -> Iterator[None]:
-    """Put the options of a problem where its solver objects read them, beside those of the database, in place of those
-    of a problem that it is solved inside of; an OptionsError says that PETSc fails with them, or would run another
-    method than ours with one of them.
+    """Put the options of a problem where its solver objects read them, beside those of the database; an OptionsError
+    says that PETSc fails with them, or would run another method than ours with one of them.
     """
-    database, outer = PETSc.Options(PREFIX), dict(_APPLIED)
-    for name in outer:
-        database.delValue(name)
     wanted = {name: None if value is None else str(value) for name, value in problem_options.items()}
     of_database = PETSc.Options().getAll().items()
     wanted |= {name.removeprefix(prefix): value or None for name, value in of_database if name.startswith(prefix)}
-    _APPLIED.clear()
-    _APPLIED.update({name: value for name, value in wanted.items() if not database.hasName(name)})
-    try:
-        refuse_exchanged({name: value or "" for name, value in {**wanted, **database.getAll()}.items()})
-        with defaults(wanted):
-            try:
-                yield
-            except PETSc.Error as error:
-                raise refused(error) or error from None
-    finally:
-        _APPLIED.clear()
-        _APPLIED.update(outer)
-        for name, value in outer.items():
-            database[name] = value
+    refuse_exchanged({name: value or "" for name, value in {**wanted, **PETSc.Options(PREFIX).getAll()}.items()})
+    with defaults(wanted):
+        try:
+            yield
+        except PETSc.Error as error:
+            raise refused(error) or error from None

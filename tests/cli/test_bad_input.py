@@ -178,16 +178,6 @@ def test_options_that_exchange_the_method(petsc, said):
     petsc_options.refuse_exchanged()
 
 
-def test_options_of_a_problem_that_is_solved_inside_another(petsc):
-    """Each has its own, with those of the database."""
-    petsc["sfx_snes_stol"] = "0"
-    with options_applied("sfx_", {"snes_max_it": 44, "snes_rtol": 1e-9}):
-        with options_applied("sfx_", {"snes_max_it": 33, "snes_stol": 1}):
-            assert PETSc.Options("sfx_").getAll() == {"snes_max_it": "33", "snes_stol": "0"}
-        assert PETSc.Options("sfx_").getAll() == {"snes_max_it": "44", "snes_rtol": "1e-09", "snes_stol": "0"}
-    assert PETSc.Options("sfx_").getAll() == {"snes_stol": "0"}
-
-
 @pytest.mark.parametrize("place", ["command line", "environment"])
 def test_file_of_options(solve_text, monkeypatch, place):
     """They are not read."""
