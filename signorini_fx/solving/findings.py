@@ -172,9 +172,7 @@ def _inwards(body: Model) -> Iterator[Finding]:
 
 
 def _units(body: Model, prescribed: float, force: float) -> Iterator[Finding]:
-    """Loads that are too large for linear elasticity, or hardly felt; usually two units are inconsistent;
-    ``prescribed``: the largest prescribed displacement, length; ``force``: the largest sum of the nodal loads.
-    """
+    """Loads that are too large for linear elasticity, or hardly felt: two units are usually inconsistent."""
     path = f"material, {body.statement.forces_at}, displacement"
     low, high = parallel.global_bounds(body.comm, body.tagged.mesh.geometry.x.astype(np.float64))
     section = body.scales.depth * float(np.prod(np.sort(high - low)[::-1][: body.tagged.mesh.topology.dim - 1]))

@@ -101,9 +101,7 @@ def _round_off(
 
 
 def _carried(t: Simplices, held: Ints, missed: Array) -> tuple[Array, Array]:
-    """Bounds of the force that each cell passes on to the supports, of what cells miss by round-off, and of its couple
-    about its centre, shapes (n,); ``held``: cells at supports; in a piece without one a cell of it takes the rest.
-    """
+    """Bounds of the force that each cell passes on to the supports, and of its couple about its centre, shapes (n,)."""
     count, centre = len(t.corners), t.x[t.corners].mean(axis=1)
     loose = np.setdiff1d(np.arange(t.piece.max(initial=-1) + 1), t.piece[held])
     start = np.concatenate((held, np.unique(t.piece, return_index=True)[1][loose]))

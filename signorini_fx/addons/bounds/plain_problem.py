@@ -217,9 +217,7 @@ class PlainProblem:
         return surface
 
     def _linear(self, undivided: Ints, points: Array, values: Array, *, positive: bool = False) -> Array:
-        """At the vertices of facets of a contact, shape (m, d, ...), linear functions with values at its points, zero
-        elsewhere; on halved facets with the moments of the nodal rule, or not negative with its resultants.
-        """
+        """Linear functions from values at points of a contact, at vertices of facets, shape (m, d, ...)."""
         t, given = self.t, self._given
         # Of this side alone: vertices of the other body may be at the same places.
         halved = len(t.x) > len(given.x)  # then the middles of edges are vertices, too

@@ -55,9 +55,7 @@ def _of_points(contact: ContactState) -> Rows:
 
 
 def _of_facets(model: Model, named: str | None) -> Rows:
-    """Facets of the own cells of this rank by their vertices, ascending, shape (m, d): those of boundaries by their
-    names, of ``named``, and both sides of each contact.
-    """
+    """Facets of the own cells of this rank by their vertices, shape (m, d), of boundaries and sides of contacts."""
     statement, tagged = model.statement, model.tagged
     boundaries = [load.where for load in statement.of(Force) if load.where is not None]
     boundaries += [str(entry.boundary) for entry in statement.of(PrescribedDisplacement)]

@@ -164,9 +164,7 @@ def _adjust(deck: Deck, pair: SurfacePair, label: str) -> float | None:
 
 
 def _stiffness(deck: Deck, interactions: list[Interaction | None], tables: list[dict[str, Any]]) -> dict[str, Any]:
-    """The stiffness of contact and of sticking as keys of [solver], which hold for the whole scene; where contacts
-    differ in the first one, or bonds are beside soft contact, each contact has an overclosure of its own.
-    """
+    """The stiffness of contact and of sticking as keys of [solver]; where contacts differ each has an overclosure."""
     contacts = [used for used in interactions if used is not None]
     slopes, tied = {used.stiffness for used in contacts}, [used.tied for used in contacts]
     slope = next(iter(slopes)) if len(slopes) == 1 else None

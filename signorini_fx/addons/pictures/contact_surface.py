@@ -225,9 +225,7 @@ def _rim(side: VisibleSide) -> LineCollection:
 
 
 def _triangles(polygons: Rows, nodes: Floats, values: Floats) -> tuple[Floats, Rows, Floats]:
-    """Points, triangles and values at the points; quadrilaterals are cut at their middle, which comes after the nodes,
-    because a diagonal would make the picture of a symmetric pressure unsymmetric.
-    """
+    """Points, triangles and values; quadrilaterals are cut at their middle, as a diagonal would not be symmetric."""
     if polygons.shape[1] == 3:
         return nodes, polygons, values
     centre = np.broadcast_to(len(nodes) + np.arange(len(polygons))[:, None], polygons.shape)

@@ -91,9 +91,7 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
 
 
 def _joined(solution: Solution, columns: Floats, cells: Cells) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Points of all ranks with displacements, one row each, and the rows of each facet; bodies that touch have points
-    of their own; collective; ``columns``: of the points of each facet, shape (m, p, 6).
-    """
+    """Points of all ranks with displacements, and the rows of each facet; bodies that touch share none; collective."""
     pieces = np.broadcast_to(solution.model.motions.pieces.of_cell[cells][:, None, None], (*columns.shape[:2], 1))
     rows = parallel.rows_on_root(solution.comm, np.concatenate((columns, pieces), axis=2).reshape(-1, 7))
     size = float(np.ptp(rows[:, :3], axis=0).max()) or 1.0 if len(rows) else 1.0

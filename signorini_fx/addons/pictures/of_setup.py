@@ -154,9 +154,7 @@ def _density(load: Force, on: SampledPoints) -> Floats:
 
 
 def _sides(tagged: TaggedMesh, facets: npt.NDArray[np.int32]) -> tuple[Floats, Floats]:
-    """Corners of facets, in 3D counterclockwise as seen from outside, shape (f, k, d), and outward normals as long as
-    their areas, shape (f, d).
-    """
+    """Corners of facets, shape (f, k, d), in 3D counterclockwise from outside, and normals as long as their areas."""
     mesh, dim = tagged.mesh, tagged.dimension
     corners = _corners(tagged, dim - 1, facets)
     areas = normals_of(corners) if dim == 3 else (corners[:, 1] - corners[:, 0])[:, ::-1] * (1.0, -1.0)

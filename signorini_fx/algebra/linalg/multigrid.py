@@ -116,9 +116,7 @@ class Hierarchy:
 
 
 def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) -> PETSc.Mat:
-    """P^T A P without prescribed unknowns: the stiffness of the coarser mesh where one product with a vector tells that
-    it is the same, as where meshes are nested and cells straight; collective.
-    """
+    """P^T A P: the stiffness of the coarser mesh where one product tells that it is the same, as on nested meshes."""
     stiffness = level.stiffness
     if stiffness is not None and stiffness.getSizes() == (interpolation.getSizes()[1],) * 2:
         coarse, wanted = stiffness.createVecs()

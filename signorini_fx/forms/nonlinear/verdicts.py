@@ -95,9 +95,7 @@ class Stability:
         return known or is_derivative(tangents.leading, self.residual, values, ~self.linear.elastic.fixed)
 
     def _negative(self, tangent: fem.Form) -> tuple[int, Array]:
-        """``negative_directions`` of the symmetric part of a tangent where points stay in contact, and those that stick
-        in their place, by springs: shares of the largest entry of the body, whatever the units; collective.
-        """
+        """``negative_directions`` where springs keep points in contact and in place, whatever the units; collective."""
         linear, space, fixed = self.linear, self.linear.space, self.linear.elastic.fixed
         diagonal = np.abs(linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[: fixed.size])
         largest = parallel.largest(space.mesh.comm, diagonal, 0.0) or 1.0

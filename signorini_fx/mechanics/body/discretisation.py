@@ -301,9 +301,7 @@ def boundary_facets(statement: Statement, tagged: TaggedMesh) -> dict[str, npt.N
 
 
 def _try_functions(statement: Statement, tagged: TaggedMesh) -> None:
-    """Refuse what cannot be evaluated on some rank, which would leave the others waiting, or is a wrong number; of gaps
-    and friction this is found elsewhere.
-    """
+    """Refuse what cannot be evaluated on some rank, while the others would wait, or is a wrong number."""
     problems = []
     for path, entry in statement.listed():
         strains = isinstance(entry, InitialStrain)

@@ -137,9 +137,7 @@ class ContactBoundary:
 
     @cached_property
     def _axes(self) -> Nodal:
-        """Orthonormal tangents, see ``tangents_of``; where a component perpendicular to the normal is prescribed, but
-        not all are, one of them is along it; those of friction with a direction along its axes.
-        """
+        """Orthonormal tangents; one is along a component that is prescribed, those of friction along its axes."""
         tangents = tangents_of(self.normal)
         if self.normal.shape[1] == 2:
             return tangents

@@ -93,9 +93,7 @@ class TurnedNodes:
 
 
 def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Floats, int, _Floats]:
-    """The frame of a node, how many of its components are prescribed, and the displacement from what is given: of two
-    supports the later one applies in full, the earlier one where that leaves it free, in the sense of least squares.
-    """
+    """The frame of a node, how many components are prescribed, and its motion: a later support applies in full."""
     identity, free = np.eye(len(directions)), np.eye(directions.shape[1])
     matrix = np.zeros(directions.T.shape)
     held = free[:, :0]

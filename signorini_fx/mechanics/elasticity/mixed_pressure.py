@@ -96,9 +96,7 @@ class MixedLaw(SceneLaw):
         return self.own.dofmap.list * self._materials + self._part[:, None]
 
     def _over_cells(self, values: _Floats) -> _Floats:
-        """The mean of values in cells, shape (cells, vertices), at each owned unknown of the pressure, shape (count,),
-        zero where it has no cell; collective.
-        """
+        """The mean of values in cells, shape (cells, vertices), at each owned unknown of the pressure; collective."""
         sums = [fem.Function(self.own) for _ in range(2)]
         for function, added in zip(sums, (values, np.ones(values.shape)), strict=True):
             np.add.at(function.x.array, self._rows, added)

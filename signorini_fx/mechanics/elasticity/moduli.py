@@ -179,9 +179,7 @@ def _fault_of_axes(axes: Array, count: int, words: str) -> str:
 
 
 def _turned(axes: Array) -> Array:
-    """The components of a stress from those along the axes, shape (cells, 6, 6) (W. L. Bond, Bell Syst. Tech. J. 22
-    (1943) 1-72); its transpose turns the strain back.
-    """
+    """Turns a stress, its transpose a strain back, shape (cells, 6, 6) (Bond, Bell Syst. Tech. J. 22 (1943) 1)."""
     bond_matrices = np.empty((len(axes), 6, 6))
     for p, (i, j) in enumerate(PAIRS):
         for q, (a, b) in enumerate(PAIRS):

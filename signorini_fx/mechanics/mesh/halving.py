@@ -72,9 +72,7 @@ def halved(mesh: MeshArrays) -> MeshArrays:
 
 
 def _numbered(mesh: MeshArrays, degree: int) -> tuple[Ints, Floats, Floats]:
-    """A number for each node of elements of a degree, shape (m, k), the same in all cells that share it; the positions
-    of these numbers, shape (n, d); and the nodes on the reference cell, shape (k, d).
-    """
+    """A number for each node, shape (m, k), the same in cells that share it, their positions, and nodes of a cell."""
     import basix.ufl
     import mpi4py.MPI  # first, see signorini_fx.mechanics.body
     import ufl

@@ -157,9 +157,7 @@ def inverses(slope: Array) -> Array:
 
 
 def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
-    """The places in the reference cell that cells map to the origin, by Newton's method from ``reference`` on;
-    ``corners``: of each cell relative to the point, in sizes of the cell.
-    """
+    """Places in the reference cell that cells map to the origin, by Newton's method; corners in sizes of the cell."""
     moving = np.arange(len(corners))
     for _ in range(MANY_STEPS):
         if not moving.size:

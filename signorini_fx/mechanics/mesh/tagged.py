@@ -501,9 +501,7 @@ def tagged_mesh(mesh: dmesh.Mesh, boundaries: Mapping[str, npt.NDArray[np.int32]
 
 
 def _combined(comm: MPI.Comm, groups: Mapping[str, npt.NDArray[Any]]) -> tuple[Ints, npt.NDArray[np.int32], _Tags]:
-    """One tag from 1 on, the same on all ranks, for each combination of groups that overlap: the members of any group,
-    ascending, the tag of each, and those of each group; collective.
-    """
+    """One tag for each combination of groups that overlap: members, the tag of each, those of groups; collective."""
     members = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *groups.values()]))
     holds = np.zeros((len(members), len(groups)), dtype=bool)
     for number, part in enumerate(groups.values()):

@@ -89,9 +89,7 @@ def turned(slave: PairSurface, directions: Array) -> float:
 
 
 def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, Array]:
-    """The direction of projection at the middle of each part, of length one, shape (p, 3), and the tangent of its angle
-    to the normal there, shape (p,); ``directions``: at the nodes.
-    """
+    """The direction of projection at the middle of each part, and the tangent of its angle to the normal."""
     shape = side.tests.values(parts.reference.mean(axis=1))
     along = np.einsum("pt,ptd->pd", shape, directions[side.points[parts.facet]])
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -200,9 +198,7 @@ def _fan(polygon: Array, count: Indices) -> tuple[Array, Indices]:
 
 
 def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple[Array, Array]:
-    """Where points of the plane are in the reference facet, and the area that a unit of it has in the plane, from the
-    corners of its linear parts, between which ``functions`` interpolate.
-    """
+    """Where points of the plane are in the reference facet, and the area that a unit of it has in the plane."""
     at = _places_of(functions, flat, p, np.full(p.shape, 0.5))
     slopes = functions.slopes(at)
     return functions.values(at) @ reference, np.abs(_cross(*(slopes @ flat)) / _cross(*(slopes @ reference)))
@@ -257,9 +253,7 @@ def place_under(functions: Lagrange, corners: Array, normals: Array, x: Array) -
 
 
 def _crossing(factors: Array) -> Array:
-    """Where polynomials, with factors as in ``_powers``, fall to zero in [0, 1], else the end beyond which they do, by
-    Newton's method with bisections.
-    """
+    """Where polynomials fall to zero in [0, 1], else the end beyond which they do (Newton, bisections)."""
     low, high, at = (np.full(factors.shape[1:], end) for end in (0.0, 1.0, 0.5))
     rates = (factors[1:].T * np.arange(1, len(factors))).T
     for _ in range(MANY_STEPS):

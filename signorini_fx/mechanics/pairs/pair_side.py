@@ -200,9 +200,7 @@ class PairSurface:
 
     @cached_property
     def _integrals(self) -> tuple[Array, Array, Array]:
-        """Of test functions times the measure, of test functions times the normal, shapes (N,) and (N, d), and of the
-        measure over each facet, shape (f,).
-        """
+        """Of test functions, these times the normal, and 1 over each facet: (N,), (N, d), (f,)."""
         points, weights = self.functions.rule(_DEGREE)
         facets = np.arange(len(self.nodes))
         at = np.broadcast_to(points, (len(facets), *points.shape))

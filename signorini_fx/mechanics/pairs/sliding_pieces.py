@@ -174,9 +174,7 @@ class SlidingPieces:
         return np.asarray(total)
 
     def _rows(self, factor: Array, vectors: Array, across: Array) -> Array:
-        """Vectors at points, shape (p, q, d), times factors, shape (p, q, c), as rows, shape (p, q, d c); ``across``:
-        without their part along N, for what turns N, by which N does not change.
-        """
+        """Vectors (p, q, d) times factors (p, q, c) as rows, (p, q, d c); ``across``: those without a part along N."""
         count = factor.shape[2] - self.turns.shape[2]
         parts = factor[..., :count, None] * vectors[:, :, None], factor[..., count:, None] * across[:, :, None]
         return np.concatenate(parts, axis=2).reshape(*factor.shape[:2], factor.shape[2] * vectors.shape[2])

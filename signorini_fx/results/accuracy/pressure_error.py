@@ -159,9 +159,7 @@ def on_facets(boundary: ContactBoundary, table: ContactTable, intervals: list[Fl
 
 @dataclass(frozen=True)
 class _Place:
-    """A place of the contact boundary on the last mesh, and on those before it that are coarser there; ``pressure`` and
-    ``spacing`` of the nodes: coarsest first; ``row``: in the table of the last mesh.
-    """
+    """A place of the boundary on the last mesh and coarser ones before it; pressure and spacing: coarsest first."""
 
     row: int
     corner: bool

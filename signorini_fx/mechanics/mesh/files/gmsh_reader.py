@@ -162,9 +162,7 @@ def _check_ends(file: Path, form: str) -> None:
 
 
 def _check_script(file: Path, name: str = "", checked: frozenset[Path] = frozenset()) -> None:
-    """Refuse a script with a word of gmsh's language that starts programs, writes files, or reads files outside its
-    folder; ``name``: of the script in the scene, and the ones ``checked`` include this one.
-    """
+    """Refuse a script that starts programs, writes files, or reads files outside its folder."""
     where = f"{name}: {file.name}" if name else str(file)
     text = file.read_text(encoding="utf-8-sig", errors="replace")
     if name and not text.endswith("\n"):

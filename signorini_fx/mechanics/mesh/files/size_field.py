@@ -105,9 +105,7 @@ def with_sizes(
 
 
 def _graded_at(mesh: MeshArrays, wanted: Sequence[ContactSize]) -> SizeField:
-    """The lengths that straight cells have, at each corner the mean of the edges around it; at some boundaries shorter,
-    and from there on no more than ``SIZE_GROWTH`` per length larger.
-    """
+    """The lengths of cells around each corner; shorter at some boundaries, growing by ``SIZE_GROWTH`` per length."""
     from scipy.spatial import cKDTree
 
     points, ends = mesh.points, np.concatenate([mesh.cells[:, pair] for pair in mesh.cell.edges])
