@@ -30,14 +30,7 @@ def coulomb(coefficient: float) -> Coulomb:
 
 
 def example1(friction: Any, *, poisson: float = 0.4, grid: tuple[int, int] = GRID, **solver: Any) -> Scene:
-    """Section 7.1: a block, pressed in the middle of its top, free to move vertically but for the contact.
-
-    Args:
-        friction: from ``tresca`` or ``coulomb``.
-        poisson: nu.
-        grid: elements along x_1 and x_2.
-        solver: as for ``_settings``.
-    """
+    """Section 7.1: a block, pressed in the middle of its top, free to move vertically but for the contact."""
     return _scene(
         mesh=_example1_mesh(*grid),
         material={"young": 5000.0, "poisson": poisson},
@@ -65,14 +58,7 @@ def example2(friction: Any, *, grid: tuple[int, int] = GRID, **solver: Any) -> S
 def _settings(
     *, start: Any, gamma: float | tuple[float, float] = 1e8, sigma: Any = 1.0, **others: Any
 ) -> dict[str, Any]:
-    """Solver settings in the paper's terms.
-
-    Args:
-        start: the part of Gamma_c that the first linear solve takes to be in contact.
-        gamma: gamma_1 = gamma_2, or the pair.
-        sigma: sigma, 1 in the paper.
-        others: more of ``signorini_fx.SolverSettings``.
-    """
+    """Solver settings in the paper's terms; ``start``: the part of Gamma_c that the first solve has in contact."""
     gamma_n, gamma_t = gamma if isinstance(gamma, tuple) else (gamma, gamma)
     return {"gamma_n": gamma_n, "gamma_t": gamma_t, "sigma": sigma, "initial_contact": start, **others}
 

@@ -1,6 +1,6 @@
 """How good the forecasts of the line ``cost`` are: seconds that the printed command was said to take, and took.
 
-    ./env python3 demos/studies/forecasts.py --seed 31 --out docs/evidence/forecasts.csv
+    ./env python3 demos/studies/forecasts.py --seed 31 --out docs/evidence/forecasts.csv [--draw docs/images/forecasts.png]
 
 Problems drawn at random are solved on one mesh, and with the command that their line has.  Seconds are those of the
 processor, forms compiled, the fewer of two runs; errors are estimates.  Other rows of a file stay.  The score is that
@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from datetime import date
 from functools import partial
+from itertools import pairwise
 from math import log
 from pathlib import Path
 from random import Random
@@ -27,6 +28,7 @@ import ufl
 from mpi4py import MPI
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from matplotlib.figure import Figure
 
 import signorini_fx as sfx
 from signorini_fx.machine.result_files import write_csv
@@ -210,15 +212,39 @@ def summaries(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         }
 
 
+def draw(rows: list[dict[str, Any]], file: Path) -> None:
+    """The seconds that were needed over the forecast interval of each problem, by kind."""
+    figure = Figure((9.0, 3.6), layout="constrained")
+    axes, kinds = figure.subplots(), [*dict.fromkeys(row["kind"] for row in rows)]
+    ordered = sorted(rows, key=lambda row: (kinds.index(row["kind"]), float(row["needed"].split()[-1])))
+    low, high = (np.array([float(row[f"foretold, {end}"]) for row in ordered]) for end in ("from", "to"))
+    needed, at = np.array([float(row["needed"].split()[-1]) for row in ordered]), np.arange(len(ordered))
+    within, first = np.array([row["within"] == "yes" for row in ordered]), [row["kind"] for row in ordered].index
+    axes.vlines(at, low / needed, high / needed, color="0.7", linewidth=3.0, label="forecast interval")
+    for chosen, colour, text in ((within, "tab:blue", "needed, within"), (~within, "tab:red", "needed, outside")):
+        axes.plot(at[chosen], np.ones(chosen.sum()), "o", color=colour, markersize=3.0, label=text)
+    starts = [first(kind) for kind in kinds]
+    axes.vlines(np.array(starts[1:]) - 0.5, 0.08, 9.0, color="0.5", linewidth=0.6, linestyle=":")
+    axes.set(yscale="log", ylabel="seconds over those needed", xlim=(-1, len(at)), ylim=(0.08, 9.0))
+    axes.set_xticks([float(np.mean(ends)) for ends in pairwise([*starts, len(at)])], kinds, rotation=20)
+    axes.set_yticks([0.1, 0.3, 1.0, 3.0], ["0.1", "0.3", "1", "3"])
+    axes.legend(loc="lower left", ncols=3)
+    figure.savefig(file, dpi=120)
+
+
 def main() -> None:
-    """Measure, print and write."""
+    """Measure, print and write, or draw what is written."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("results/forecasts.csv"), help="file (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=31, help="of the problems (default: %(default)s)")
+    parser.add_argument("--draw", type=Path, help="only draw the problems of the file that --out names")
     options = parser.parse_args()
     time.perf_counter = time.process_time  # other programs take no part of it
     old = csv.DictReader(options.out.open(encoding="utf-8")) if options.out.exists() else []
     rows = {(row["kind"], row["problem"]): row for row in old if row["unknowns"]}
+    if options.draw is not None:
+        draw([*rows.values()], options.draw)
+        return
     for kind, name, *runs in drawn(Random(options.seed)):
         named = kind, f"seed {options.seed}: {name}"
         try:

@@ -33,10 +33,7 @@ class Torsion(NamedTuple):
 
 
 def torsion(shear_modulus, height, bound, turned, nr=60, nz=40):
-    """A cylinder of radius 1 whose top is turned by the angle ``turned`` and whose base rubs with at most ``bound``.
-
-    Bilinear elements; nodal forces m of at most the bound times the area of a node from the dual quadratic programme.
-    """
+    """A cylinder of radius 1, its top turned by ``turned``; its base rubs with at most ``bound``; bilinear elements."""
     r, areas, root, per_turn = _condensed(shear_modulus, height, nr, nz)
     load = per_turn * turned
     most = bound * areas[1:]

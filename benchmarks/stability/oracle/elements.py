@@ -141,10 +141,7 @@ def reduced_rule(dim: int, nodes: int) -> tuple[Array, Array]:
 
 
 def at_points(expression: Any, x: Array) -> Array:
-    """A value of a scene, a number or an expression of the position, at points of shape (n, d).
-
-    The scenes are the oracle's own, so that Python itself may evaluate them.
-    """
+    """A value of a scene of the oracle itself, a number or an expression for Python, at points of shape (n, d)."""
     if isinstance(expression, int | float):
         return np.full(len(x), float(expression))
     names = {name: getattr(np, name) for name in ("cos", "exp", "sin", "sqrt")} | {"pi": np.pi, "abs": abs}

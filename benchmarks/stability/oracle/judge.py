@@ -218,9 +218,7 @@ def _vectors(table: Mapping[str, Array], name: str) -> Array:
 def _table(
     contact: Contact, table: Mapping[str, Array], u: Array, origin: Origin, before: float, stiffness: float
 ) -> dict[str, float]:
-    """Columns of the contact table that say what the displacement and the scene say as well; ``before``: the largest
-    displacement at the end of the step before, whose round-off is in the slip; ``stiffness``: stress per displacement.
-    """
+    """Columns of the contact table that the displacement and the scene say as well; ``before``: of the step before."""
     at = contact.of(u)
     u_n, u_t = (at * contact.normal).sum(axis=1), contact.across(at)
     slip = u_t - origin.u_t

@@ -52,13 +52,7 @@ _ABAQUS = {
 
 
 def write_abaqus(file: Path, mesh: Mesh, length: float = 1.0) -> None:
-    """The mesh with its names as an Abaqus input file: boundaries are sets of line or shell elements, regions of cells.
-
-    Args:
-        file: where to.
-        mesh: straight cells.
-        length: a length of 1 in the units of the file.
-    """
+    """The mesh, straight cells, as an Abaqus input file: boundaries are sets of lines or shells, regions of cells."""
     dimension = mesh.points.shape[1]
     lines = ["*NODE"]
     lines += [f"{n}, {', '.join(map(repr, x))}" for n, x in enumerate((length * mesh.points).tolist(), 1)]

@@ -16,16 +16,7 @@ _NEAR = 1e-6
 
 
 def across_planes(body: Any, normals: Array, slave: Ints, master: Ints) -> Array:
-    """Projections onto the directions across planes of symmetry at each node, shape (nodes, d, d).
-
-    Supports are along the axes.
-
-    Args:
-        body: all bodies.
-        normals: of the slave, shape (nodes, d).
-        slave: nodes of its facets, shape (facets, k).
-        master: those of the other side.
-    """
+    """Projections onto the directions across planes of symmetry at nodes, shape (nodes, d, d); supports along axes."""
     x, dimension = body.x, body.x.shape[1]
     found = np.zeros((len(x), dimension, dimension))
     size = max(float(np.linalg.norm(np.ptp(x[nodes], axis=0))) for side in (slave, master) for nodes in side)
