@@ -1,6 +1,6 @@
 """How good the forecasts of the line ``cost`` are: seconds that the printed command was said to take, and took.
 
-    ./env python3 demos/studies/forecasts.py --seed 31 --out docs/evidence/forecasts.csv [--draw docs/images/forecasts.png]
+    ./env python3 demos/studies/forecasts.py --seed 31 --out docs/evidence/forecasts.csv [--draw FILE]
 
 Problems drawn at random are solved on one mesh, and with the command that their line has.  Seconds are those of the
 processor, forms compiled, the fewer of two runs; errors are estimates.  Other rows of a file stay.  The score is that
