@@ -315,7 +315,7 @@ BAD = [
     (("young = 5000.0", "young = -1.0"), "material.young"),
     (('boundary = "bottom"', 'boundary = "below"'), "contact[0].boundary"),
     (('gap = "0.003*(x[0] - 1.5)**2 + 0.001"', 'gap = "1 / 0"'), "contact[0].gap"),
-    (('generator = "block"', 'generator = "blok"'), "mesh.generator"),
+    (('generator = "rectangle"', 'generator = "rectangel"'), "mesh.generator"),
     (("gamma_t = 1e8", 'initial_contact = "x[0] < -1"'), "solver.initial_contact"),
     (("title =", "titel ="), "titel"),
     (("[mesh]", "[mesh"), "syntax"),

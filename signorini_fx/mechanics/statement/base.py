@@ -39,7 +39,7 @@ class _OwnErrors(_ModelMetaclass):
 class Table(BaseModel, metaclass=_OwnErrors):
     """A table of a scene: unknown keys are errors, and entries are immutable."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
     # Keys that Python may give without their names, in this order; and the error of a table that Python makes.
     positional: ClassVar[tuple[str, ...]] = ()
