@@ -8,6 +8,7 @@ from mpi4py import MPI
 from scenes import alone, example1
 
 from signorini_fx.addons.pictures import gather
+from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.elasticity import elastic_law as estimators
 from signorini_fx.mechanics.materials.isotropic import LinearElastic
 from signorini_fx.scenes.reading import parse_scene
@@ -179,3 +180,10 @@ def test_arc_length(degree):
     columns = alone(example1(bound=1.5, nx=6, ny=2, degree=degree)).table.columns
     np.testing.assert_allclose(columns["x"], np.linspace(0.0, 3.0, 6 * degree + 1), atol=1e-12)
     np.testing.assert_allclose(columns["s"], columns["x"], atol=1e-12)
+
+
+def test_zones_of_a_closed_boundary():
+    """A run across the first row is one; one all around goes from the first row to the last."""
+    table = ContactTable({"x": np.arange(4), "y": np.zeros(4), "to_next": np.ones(4)}, [range(4)])
+    assert table.zones(np.array([True, False, True, True])) == [[[2.0, 0.0], [0.0, 0.0]]]
+    assert table.zones(np.ones(4, dtype=bool)) == [[[0.0, 0.0], [3.0, 0.0]]]
