@@ -11,6 +11,7 @@ from mpi4py import MPI
 from signorini_fx import MeshError, SceneError, TaggedMesh
 from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.gmsh_reader import gmsh_session
+from signorini_fx.mechanics.statement.mesh_sources import contact_sizes
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import parse_scene
 
@@ -111,6 +112,11 @@ def test_facets_in_contact_have_the_length(drawings, name, size, degree):
         near = np.abs(np.hypot(x[:, 0], x[:, 1]) - RADIUS) < 0.05 * size**2 / RADIUS
         assert np.count_nonzero(near & (x[:, 1] < 0)) > np.pi / 2 * RADIUS / size * 1.8
         assert np.abs(np.hypot(*x[near, :2].T) - RADIUS).max() < 1e-6
+
+
+def test_of_two_bodies_the_one_that_is_named_has_the_size(drawings):
+    two = scene(drawings / "plane.geo", contact=0.5, bodies=("upper", "lower"))
+    assert [[one.boundary for one in contact_sizes(two, body)] for body in range(2)] == [["hole"], []]
 
 
 def test_sizes_grow_by_a_quarter_per_length(drawings):

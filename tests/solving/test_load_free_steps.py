@@ -149,6 +149,14 @@ def test_nothing_holds_it_sideways(law, bodies, path):
     assert error.value.solution.status is Status.NOT_HELD
 
 
+def test_a_wall_that_goes_back_leaves_a_body_where_it_is():
+    """It pushes by 0.1 at first; then nothing acts, and the body would be in equilibrium at the origin, too."""
+    scene = stack("linear", 1, "first").model_dump(exclude_unset=True)
+    scene |= {"displacement": {"boundary": "bottom", "y": 0.0}, "contact": {"boundary": "left", "gap": "0.1*(t - 2)"}}
+    solution = solve(parse_scene(scene | {"force": [], "load_steps": {"times": [1.0, 2.0]}}), MPI.COMM_SELF)
+    np.testing.assert_allclose(solution.displacement.x.array[::2], 0.1, rtol=1e-5)
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_without_any_load(law):
     """One load step without a load has no solution of its own, and the outcome says why."""
