@@ -81,7 +81,6 @@ ENERGIES = {
 }
 
 
-@pytest.mark.one_quick
 @pytest.mark.parametrize("law", ENERGIES)
 @pytest.mark.parametrize("stretches", [(1.3, 0.8, 1.1), (1.001, 0.9995, 1.0), (0.6, 1.9, 1.9)])
 def test_energies_of_stretches(law, stretches):

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from support.nonlinear_bodies import LAME, MU, PLATE, held, rectangle, residual
 
 from signorini_fx import ConvergenceError, Coulomb, Foundation, NonlinearContactProblem, Status
+from signorini_fx.forms.nonlinear.moving_shapes import turning_of
 
 HIGH = PLATE | {"point": (0.0, 8.0)}
 
@@ -111,6 +112,8 @@ def test_shears_that_turn_with_their_slip(monkeypatch):
     problem.solve()
     assert problem.status is Status.CONVERGED
     assert problem.state.areas["slip"] > 0.5
+    blocks = turning_of(problem.state, 1.0)[:, 1:, 1:]
+    assert np.abs(np.einsum("nij,nj->ni", blocks, problem.state.slip_length)).max() < 1e-12 * blocks.max()
     without = "signorini_fx.forms.nonlinear.verdicts.turning_of"
     monkeypatch.setattr(without, lambda state, size: np.zeros((state.boundary.size, 3, 3)))
     assert problem._solver.stable() is Status.UNSTABLE

@@ -377,6 +377,7 @@ def test_a_scene():
             {"shape": "polyline", "points": ((9, 0), (6, 0), (4, -2), (6, -2), (4, 0), (-9, 0))},
             "points: of its pieces that between points 2 and 3 meets that between points 4 and 5",
         ),
+        ({"shape": "polyline", "points": ((0, 0), (2, 2), (2, 0), (0, 3), (0, 0))}, "points 1 and 2 meets that"),
         ({"shape": "spline", "points": ((9, 0), (6, 0))}, "foundation.shape: 'spline' was removed: use a 'polyline'"),
         ({"shape": "cone", "tip": (0, 0), "axis": (0, 1), "angle": 90}, "foundation.angle: must be less than 90"),
         ({"shape": "surface", "file": "no.stl"}, "foundation.file: no.stl: no such file"),
