@@ -10,6 +10,9 @@ from reference import interpolated
 from signorini_fx import Foundation, NonlinearContactProblem
 from signorini_fx.forms.nonlinear.results import stress_error, stress_of
 from signorini_fx.machine import compat
+from signorini_fx.records import History
+from signorini_fx.scenes.nonlinear import problem_of
+from signorini_fx.scenes.reading import parse_scene
 
 WORLD = MPI.COMM_WORLD
 YOUNG, POISSON = 100.0, 0.4
@@ -97,12 +100,28 @@ def test_against_a_fine_mesh(fine, cells, degree):
     assert str(coarse.solution.cost).startswith(f"{100 * error:.2g} % error of the stress took")
     errors, force = coarse.errors, [sum(problem.solution.contact.forces) for problem in (coarse, fine)]
     assert errors.energy == pytest.approx(error)
-    assert errors.force == pytest.approx(error**2)
     columns = fine.solution.table.columns
     away = interpolated(coarse.solution.table, fine.solution.table, "pressure") - columns["pressure"]
     true = np.sqrt(np.dot(columns["weight"], away**2) / np.dot(columns["weight"], columns["pressure"] ** 2))
     assert 1 / 3 < errors.pressure / true < 3
     assert np.linalg.norm(force[0] - force[1]) < 3 * errors.force * np.linalg.norm(force[1])
+
+
+def test_force_of_a_punch_on_metal():
+    """Strains grow where the stress hardly does: the square of its error is a quarter of that of the force.  The exact
+    force is extrapolated from meshes of degree 2 with up to 66,306 unknowns.
+    """
+    scene = {
+        "mesh": {"generator": "rectangle", "parameters": {"length": 2.0, "height": 1.0, "nx": 16, "ny": 8}},
+        "element": {"volumetric": "reduced"},
+        "material": {"law": "j2", "young": 2e5, "poisson": 0.3, "yield_stress": 300.0, "hardening": 2000.0},
+        "displacement": [{"boundary": "top", "y": "-0.004*t"}, {"boundary": "left", "x": 0.0}],
+        "contact": {"boundary": "bottom", "gap": "0.0 if x[0] <= 1.0 else 1.0"},
+        "load_steps": {"times": [0.25, 0.5, 0.75, 1.0]},
+    }
+    problem = problem_of(parse_scene(scene), MPI.COMM_SELF, History())
+    force = problem.solved().contact.forces[0][1]
+    assert 0.5 < problem.errors.force / abs(force / 375.6 - 1) < 2.0
 
 
 def test_an_earlier_solve():

@@ -37,6 +37,9 @@ class Errors:
         energy: of the displacement, energy norm, loads included; of a nonlinear body that of the stress.
         pressure: of the contact pressure, L2(Gamma_c), loads included, as the contact boundary shows it; None without
             contact, and where it is not known.
+        force: of contact and friction force, by J. A. Nitsche's argument, of a nonlinear body the product of those of
+            stress and displacement gradient: where displacements press the body 0.3 to 3 times the error, where loads
+            do, far above it.
         loads: error of the loads on the mesh.
         size: energy norm of the solution.
         pressed: norm of its contact pressure in L2(Gamma_c).
@@ -45,17 +48,11 @@ class Errors:
 
     energy: float
     pressure: float | None
+    force: float
     loads: float
     size: float
     pressed: float
     squares: dict[str, Floats]
-
-    @property
-    def force(self) -> float:
-        """Of contact and friction force, by J. A. Nitsche's argument: where displacements press the body 0.3 to 3 times
-        the error, where loads do, far above it.
-        """
-        return self.energy**2
 
 
 def estimate_errors(model: Any, displacement: fem.Function, energy: float, table: ContactTable, step: float) -> Errors:
@@ -75,23 +72,22 @@ def combined(
     model: Model, table: ContactTable, recovery: Floats, energy: float, missed: Floats | float = 0.0
 ) -> Errors:
     """All error estimates from those of each owned cell, shape (cells,): ``recovery``: the squared error in the energy
-    norm, of a nonlinear body that of the stress over its square; ``energy``: strain energy, 1/2 of a nonlinear body;
-    ``missed``: share of all forces; collective.
+    norm, of a nonlinear body that of the stress over its square, or both this and that of the displacement
+    gradient, shape (2, cells); ``energy``: strain energy, 1/2 of a nonlinear body; ``missed``: share of all forces;
+    collective.
     """
     boundary = model.boundary
     assert boundary is not None
     facets = np.concatenate([model.tagged.facets(effect.boundary) for effect in model.statement.contact])
     cells = facet_entities(model.tagged.mesh, facets)[:, 0]
-    missed = np.zeros(recovery.shape) + missed
+    size = 2 * energy
+    shares = np.atleast_2d(recovery) / (size if energy > 0 else np.inf)
+    body, missed = shares[0], np.zeros(shares.shape[1]) + missed
 
     def total(squares: Floats) -> float:
         return float(parallel.global_sum(boundary.comm, squares.sum()))
 
-    size = 2 * energy
-    body: Floats = np.zeros(recovery.shape)
-    if energy > 0:
-        body[:] = recovery / size
-    loads, error = total(missed), float(np.sqrt(total(body)))
+    loads, error, gradient = total(missed), float(np.sqrt(total(body))), float(np.sqrt(total(shares[-1])))
     contact, top, pressed = np.zeros_like(body), np.zeros_like(body), pressure_square(table)
     if pressed > 0 and table.facets is None:
         kinematics = model.statement.kinematics_in(model.tagged.dimension)  # of nonlinear bodies the model is of forms
@@ -104,6 +100,7 @@ def combined(
     return Errors(
         energy=error + loads,
         pressure=float(np.hypot(np.sqrt(total(contact)), error**2)) + loads if pressed > 0 else None,
+        force=(error + loads) * (gradient + loads),
         loads=loads,
         size=float(np.sqrt(size)),
         pressed=float(np.sqrt(pressed)),
@@ -136,6 +133,7 @@ def worst_of(steps: list[Errors]) -> Errors:
     return Errors(
         energy=max(step.energy * share for step, share in zip(steps, of_size, strict=True)),
         pressure=max(pressures, default=None),
+        force=max(step.force * share**2 for step, share in zip(steps, of_size, strict=True)),
         loads=max(step.loads for step in steps),
         size=size,
         pressed=pressed,
