@@ -178,7 +178,7 @@ TABLE = {
 
 def test_the_largest_pressure_at_a_corner_has_no_value():
     """It grows with every refinement: that is said, and no number is called right."""
-    scene = parse_scene({**TABLE, "accuracy": {"target": 0.05, "of": "peak"}})
+    scene = parse_scene({**TABLE, "accuracy": {"target": "5%", "of": "peak"}})
     solution = solve(scene, MPI.COMM_SELF, check=False)
     assert solution.status is Status.OUT_OF_REACH
     assert solution.convergence_table[-2].peak is None
