@@ -211,9 +211,9 @@ class SemismoothNewton:
             Exception: the error, on several ranks: not all of them may have it.
             OptionsError: options of the user may have caused it.
         """
+        if isinstance(error, PETSc.Error) and error.ierr == _NO_SUCH_FACTOR:  # all ranks have this one
+            raise petsc_options.refused(error) or error
         if self.problem.points.comm.size > 1:
-            if isinstance(error, PETSc.Error) and error.ierr == _NO_SUCH_FACTOR:  # all ranks have this one
-                raise petsc_options.refused(error) or error
             raise error
         unlock(self.x)
         if memory_ended(error):
