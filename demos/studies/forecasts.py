@@ -219,11 +219,11 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
     ordered = sorted(rows, key=lambda row: (kinds.index(row["kind"]), float(row["needed"].split()[-1])))
     low, high = (np.array([float(row[f"foretold, {end}"]) for row in ordered]) for end in ("from", "to"))
     needed, at = np.array([float(row["needed"].split()[-1]) for row in ordered]), np.arange(len(ordered))
-    within, first = np.array([row["within"] == "yes" for row in ordered]), [row["kind"] for row in ordered].index
+    within, named = np.array([row["within"] == "yes" for row in ordered]), [row["kind"] for row in ordered]
     axes.vlines(at, low / needed, high / needed, color="0.7", linewidth=3.0, label="forecast interval")
     for chosen, colour, text in ((within, "tab:blue", "needed, within"), (~within, "tab:red", "needed, outside")):
         axes.plot(at[chosen], np.ones(chosen.sum()), "o", color=colour, markersize=3.0, label=text)
-    starts = [first(kind) for kind in kinds]
+    starts = [named.index(kind) for kind in kinds]
     axes.vlines(np.array(starts[1:]) - 0.5, 0.08, 9.0, color="0.5", linewidth=0.6, linestyle=":")
     axes.set(yscale="log", ylabel="seconds over those needed", xlim=(-1, len(at)), ylim=(0.08, 9.0))
     axes.set_xticks([float(np.mean(ends)) for ends in pairwise([*starts, len(at)])], kinds, rotation=20)

@@ -175,7 +175,7 @@ def _in_line(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 def _chains(
     numbers: npt.NDArray[np.int64], segments: npt.NDArray[np.int64], x: npt.NDArray[np.float64]
 ) -> tuple[list[range], npt.NDArray[np.int64], list[bool]]:
-    """Connected pieces by part and start: the order of the nodes along each, and whether it is closed."""
+    """Connected pieces, their nodes in order, and whether each is closed, whatever the numbers of nodes and ranks."""
     keys: Any = [*zip(numbers.T[0], *_in_line(x).T, strict=True)]
     row_of = {(int(part), int(node)): row for row, (part, node) in enumerate(zip(*numbers.T, strict=True))}
     neighbours: list[list[int]] = [[] for _ in keys]

@@ -93,7 +93,7 @@ class TurnedNodes:
 
 
 def _frame(directions: _Floats, prescribes: npt.NDArray[np.int64]) -> tuple[_Floats, int, _Floats]:
-    """The frame of a node, how many components are prescribed, and its motion: a later support applies in full."""
+    """The frame of a node, how many components are prescribed, and its motion: later supports apply before earlier."""
     identity, free = np.eye(len(directions)), np.eye(directions.shape[1])
     matrix = np.zeros(directions.T.shape)
     held = free[:, :0]
