@@ -19,8 +19,9 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
 from signorini_fx.machine.compilation import compiling
-from signorini_fx.mechanics.assembly.mesh_entities import action, assemble, determinants
+from signorini_fx.mechanics.assembly.mesh_entities import action, assemble
 from signorini_fx.mechanics.body.deformation import CellSlopes
+from signorini_fx.mechanics.mesh.points import determinants
 from signorini_fx.tuned import DIFFERENCE_STRAINS, NEGLIGIBLE, NOTHING_LEFT, SAME_TANGENT, UNITS_OF_DIFFERENCE
 
 Array = npt.NDArray[np.float64]

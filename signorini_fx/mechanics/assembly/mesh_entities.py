@@ -124,15 +124,6 @@ def _summed(vector: la.Vector) -> npt.NDArray[np.float64]:
     return np.array(vector.array[: vector.index_map.size_local * vector.block_size])
 
 
-def determinants(matrices: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Of many matrices, shape (d, d, ...), d = 2 or 3, by hand: shape (...)."""
-    if len(matrices) == 2:
-        (a, b), (c, d) = matrices
-        return np.asarray(a * d - b * c)
-    (a, b, c), (d, e, f), (g, h, i) = matrices
-    return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
-
-
 def shared_in(holder: str) -> Callable[[Callable[[Any], Any]], Any]:
     """Make a method a property whose value is computed once and kept in the dictionary ``holder`` of its object, which
     ``dataclasses.replace`` passes on; a copy with other data is given an empty one.

@@ -15,8 +15,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.machine import compat, parallel
-from signorini_fx.mechanics.assembly.mesh_entities import determinants
-from signorini_fx.mechanics.mesh.points import inverses
+from signorini_fx.mechanics.mesh.points import determinants, inverses
 from signorini_fx.mechanics.model import ElasticBody
 
 Array = npt.NDArray[np.float64]
@@ -47,9 +46,9 @@ def deformation_of(body: ElasticBody, displacement: fem.Function, size: float) -
     cell = getattr(basix.CellType, body.space.mesh.topology.cell_name())
     at_middle = CellSlopes(displacement.function_space, basix.geometry(cell).mean(axis=0, keepdims=True))
     of_place, of_displacement = next(at_middle.along_reference(displacement))
-    jacobians, areas = of_place.transpose(2, 0, 1), np.abs(determinants(of_place))
-    slopes = of_displacement.transpose(2, 0, 1) @ inverses(jacobians)
-    squares = np.einsum("cij,cij->c", slopes, slopes)
+    areas = np.abs(determinants(of_place))
+    slopes = np.einsum("ijc,jkc->ikc", of_displacement, inverses(of_place))
+    squares = np.einsum("ikc,ikc->c", slopes, slopes)
     of_cell = pieces.of_cell[: areas.size]
     total = parallel.sums_by(body.comm, of_cell, np.column_stack((squares * areas, areas)), pieces.count)
     gradient = float(np.sqrt(total[:, 0] / total[:, 1]).max())

@@ -101,7 +101,7 @@ def cells_of_points(
     middle = basix.geometry(element.cell_type).mean(axis=0)
     table = element.tabulate(1, middle[None])[:, 0, :, 0]
     # How the place moves with the point, in sizes of the cell, where cells are taken for straight simplices.
-    turned = inverses(np.einsum("dk,nkc->ncd", table[1:], nodes / size[:, None, None]))
+    turned = inverses(np.einsum("dk,nkc->cdn", table[1:], nodes / size[:, None, None]))
     straight = element.degree == 1 and element.cell_type in _SIMPLICES
     cells, reference, gap = np.full(len(x), -1, dtype=np.int32), np.zeros((len(x), dim)), np.full(len(x), np.inf)
     # Cells that differ much in size are apart from each other, because a tree pads all its boxes alike.
@@ -125,7 +125,7 @@ def cells_of_points(
                 # Lengths of the cell, so that no unit matters.
                 corners = (nodes[cell] - x[point, None, :dim]) / size[cell, None, None]
                 away = np.einsum("k,nkc->nc", table[0], corners)
-                trial = middle - np.einsum("ncd,nd->nc", turned[cell], away)
+                trial = middle - np.einsum("cdn,nd->nc", turned[..., cell], away)
                 if not straight:
                     trial = _pull_back(element, corners, trial)
                 distance = _distances(element, corners, trial)
@@ -150,10 +150,29 @@ def _sizes(nodes: Array) -> Array:
     return np.asarray(np.linalg.norm(np.ptp(nodes, axis=1), axis=1))
 
 
-def inverses(slope: Array) -> Array:
-    """The inverse matrices, of singular ones the unit matrix; shape (n, d, d)."""
-    regular = np.linalg.det(slope) != 0
-    return np.linalg.inv(np.where(regular[:, None, None], slope, np.eye(slope.shape[2])))
+def determinants(matrices: Array) -> Array:
+    """Of many matrices, shape (d, d, ...), d = 2 or 3, by hand: shape (...)."""
+    if len(matrices) == 2:
+        (a, b), (c, d) = matrices
+        return np.asarray(a * d - b * c)
+    (a, b, c), (d, e, f), (g, h, i) = matrices
+    return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
+
+
+def inverses(matrices: Array) -> Array:
+    """The inverses of many such matrices, of singular ones the unit matrix, by hand: shape (d, d, ...)."""
+    if len(matrices) == 2:
+        (a, b), (c, d) = matrices
+        adjugates = np.array([[d, -b], [-c, a]])
+    else:
+        first, second, third = matrices.swapaxes(0, 1)
+        pairs = (second, third), (third, first), (first, second)
+        adjugates = np.array([np.cross(*pair, axis=0) for pair in pairs])
+    determinant = determinants(matrices)
+    singular = determinant == 0
+    adjugates /= np.where(singular, 1.0, determinant)
+    adjugates[..., singular] = np.eye(len(matrices))[..., None]
+    return adjugates
 
 
 def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
@@ -164,8 +183,8 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
             break
         table = element.tabulate(1, reference[moving])[..., 0]
         away = np.einsum("nk,nkc->nc", table[0], corners[moving])
-        turned = inverses(np.einsum("dnk,nkc->ncd", table[1:], corners[moving]))
-        step = np.einsum("ncd,nd->nc", turned, away)
+        turned = inverses(np.einsum("dnk,nkc->cdn", table[1:], corners[moving]))
+        step = np.einsum("cdn,nd->nc", turned, away)
         reference[moving] -= np.clip(step, -1.0, 1.0)  # at most from one side of the cell to the other
         moving = moving[np.abs(step).max(axis=1) >= NOTHING_LEFT]
     return reference

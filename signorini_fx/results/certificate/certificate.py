@@ -190,7 +190,7 @@ def judged(
         drawn[touching] = np.linalg.norm(motion.at(contact.boundary.x[touching]), axis=1)
     length = np.maximum(length, NO_FORCE * largest(drawn))
     reach = max(float(far.max()), float(largest(drawn).max()))
-    alone = balance.unloaded()
+    alone = balance.unloaded
     # Where the contact transmits nothing its reactions are round-off of the stress in the body, and of displacements.
     fineness = largest(np.asarray(1.0 / balance.scales.side(contact.boundary.weight)))
     unknown = stiffest.modulus * np.where(alone, reach, far) * fineness

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -54,6 +55,7 @@ class Balance:
         size = self.pieces.size if self.pieces.count > 1 else np.array([self.scales.size])
         return replace(self.scales, size=size), replace(self.stiffest, size=size)
 
+    @cached_property
     def unloaded(self) -> npt.NDArray[np.bool_]:
         """Pieces that no load strains and no support moves, shape (pieces,): if others pass on no force to them, all
         that is there is round-off of the joint system, as large as the motions of others make it.
@@ -115,7 +117,7 @@ def equilibrium(
     # A motion without stress, or without change of volume, has forces too: round-off of the largest modulus.
     firmness = stiffest.stiffness(spacing)
     least = firmness * pieces.norms(y)
-    least = NO_FORCE * np.where(balance.unloaded(), np.maximum(least, firmness.max() * reach * count), least)
+    least = NO_FORCE * np.where(balance.unloaded, np.maximum(least, firmness.max() * reach * count), least)
     loads = balance.external + balance.initial
     acting = [supports.left(loads), supports.left(balance.resisted)]
     residual = balance.internal + balance.resisted - loads
