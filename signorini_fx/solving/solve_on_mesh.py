@@ -209,7 +209,8 @@ def algorithm_name(statement: Statement, ended: Outcome) -> str:
     if ended.newton.linear:
         return "linear"
     settings = statement.solver
-    outer = "ssn" if settings.algorithm == "auto" or ended.regularised else settings.algorithm
+    regularised = settings.algorithm == "auto" or (settings.algorithm == "alm" and not ended.augmented)
+    outer = "ssn" if regularised else settings.algorithm
     if not statement.has_coulomb:
         return outer
     if ended.monolithic:

@@ -267,7 +267,7 @@ class Meshes:
         solved = self._solved(state, number)
         if number == 0 and solved.level is not None:
             self.problem = self.problem.keeping(solved)
-        if self._stated is not None and solved.outcome is not None and solved.outcome.regularised:
+        if self._stated is not None and solved.outcome is not None and not solved.outcome.augmented:
             self.problem = self.problem.with_settings(self._stated)
             self._stated = None
         return solved

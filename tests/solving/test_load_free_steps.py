@@ -157,6 +157,13 @@ def test_a_wall_that_goes_back_leaves_a_body_where_it_is():
     np.testing.assert_allclose(solution.displacement.x.array[::2], 0.1, rtol=1e-5)
 
 
+def test_augmentation_after_a_step_without_a_load():
+    """The body is pressed on as the first time: no elastic slip of the step in between is left."""
+    scene = stack("linear", 1, "middle", rough=True).model_dump(exclude_unset=True) | {"solver": {"algorithm": "alm"}}
+    first, _, again = solve(parse_scene(scene), MPI.COMM_SELF).steps
+    np.testing.assert_allclose(again.contact.shear, first.contact.shear, rtol=1e-4)
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_without_any_load(law):
     """One load step without a load has no solution of its own, and the outcome says why."""

@@ -143,12 +143,14 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
     if system.load.norm() == system.start.norm() == 0.0 and reached <= NO_FORCE * farthest:  # round-off of the way back
         x.set(0.0)
     newton.restore((x, replace(sets, contact=sets.contact & ~(loose & ~data.bilateral)), data))
-    regularised = task.settings.algorithm == "alm"
-    return replace(outcome, status=Status.CONVERGED, newton=newton, regularised=regularised)
+    return replace(outcome, status=Status.CONVERGED, newton=newton)
 
 
 def _solve(task: Task, start: Start) -> Outcome:
     """The method of the scene, with its fall-backs."""
+    if task.settings.algorithm == "alm":
+        slip_origin = start.data.slip_origin - start.elastic_slip
+        start = replace(start, data=replace(start.data, slip_origin=slip_origin), elastic_slip=0 * start.elastic_slip)
     if start.law is None or not task.has_coulomb:
         return _given_friction(task, start, start.data)
     return _coulomb(task, start, start.law)
@@ -185,7 +187,7 @@ def _without_contact(task: Task, data: RegularisedData, status: Status) -> Outco
     """The outcome of a problem without contact, hence without tractions, at the iterate."""
     newton = task.newton
     newton.pose(data, ActiveSets.of(~task.motions.points.everywhere, np.zeros_like(data.mu_hat)))
-    return Outcome(status, newton, data)
+    return Outcome(status, newton, data, augmented=task.settings.algorithm == "alm")
 
 
 def _released(task: Task, failed: Outcome, law: PointFriction, moved: float) -> Outcome | None:
@@ -258,7 +260,7 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
             )
         case _:
             status = newton.solve(data, start.sets, first_iteration=start.iteration)
-    return Outcome(status, newton, start.data, regularisation_error=error)
+    return Outcome(status, newton, start.data, augmented=s.algorithm == "alm", regularisation_error=error)
 
 
 def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
@@ -269,7 +271,13 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
     finds_gamma = (s.algorithm == "continuation" and start.step == 0) or (
         s.algorithm == "path-following" and start.regularisation_error is None
     )
-    first_outcome = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
+    first_outcome = Outcome(
+        Status.CONVERGED,
+        newton,
+        start.data,
+        augmented=s.algorithm == "alm",
+        regularisation_error=start.regularisation_error,
+    )
     if multipliers is None or finds_gamma:
         data = coulomb_start(task, start.data)
         if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start

@@ -62,9 +62,9 @@ class Start:
 @dataclass(frozen=True)
 class Outcome:
     """How a load step ended, or one of the methods that were tried on it: the inner method whose iterate is the result,
-    and the problem with the final gamma. ``augmented``: by augmentation as a fall-back, so that there is no
-    regularisation error, ``regularised``: by ``ssn`` in place of ``alm`` where bodies lie loose, so that there is one;
-    ``regularisation_error``: the estimate of path-following, in the energy norm, None where it did not run.
+    and the problem with the final gamma. ``augmented``: by augmentation, so that there is no regularisation error, nor
+    elastic slip; ``regularisation_error``: the estimate of path-following, in the energy norm, None where it did not
+    run.
     """
 
     status: Status
@@ -72,7 +72,6 @@ class Outcome:
     data: RegularisedData
     monolithic: bool = False
     augmented: bool = False
-    regularised: bool = False
     regularisation_error: float | None = None
 
     @property
@@ -217,6 +216,6 @@ class Task:
             return np.inf, np.inf, 0.0
         gammas = outcome.problem.data.gamma_n, outcome.problem.data.gamma_t
         penalty = max(gammas)
-        if outcome.augmented or (self.settings.algorithm == "alm" and not outcome.regularised):
+        if outcome.augmented:
             gammas = np.inf, np.inf
         return *gammas, penalty

@@ -492,7 +492,7 @@ class LinearisedProblem(FormSolver):
         newton.pose(begun.data, sets)
         x = self.task.system.unknowns(self.elastic.unknowns(self.at))
         newton.restore((x, newton.problem.sets, newton.problem.data))
-        self.show(Outcome(status, newton, begun.data), None)
+        self.show(Outcome(status, newton, begun.data, augmented=self.task.settings.algorithm == "alm"), None)
 
     @property
     def step(self) -> int:
