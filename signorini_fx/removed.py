@@ -27,6 +27,7 @@ INSTEAD: dict[str, str] = {
     "TitleBlock": "write it into title, which heads the report",
     "links": "tie bodies by a contact with kind = 'bonded'; MPCs of forms of your own are those of dolfinx_mpc",
     "Links": "tie bodies by BondedContact",
+    "rigid": "give its shape as foundation of each of its contacts, all with rigid = 'NAME', one with its other keys",
     "periodic_sides": "model several periods, of which the one in the middle counts",
     "point_force.file": "write one [[point_force]] with 'at' for each node",
     **dict.fromkeys(

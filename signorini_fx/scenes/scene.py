@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Self, TypeVar, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ValidationError, model_validator
+from pydantic import BeforeValidator, model_validator
 
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.effects import loads
@@ -25,11 +25,9 @@ from signorini_fx.mechanics.statement.effect import Load, listed, with_every_eff
 from signorini_fx.mechanics.statement.features import refused_features
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import WITHOUT_ARCS, Body, MeshGenerator, OneMesh
-from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, rigid_bodies
-from signorini_fx.mechanics.statement.rigid_shape import OneShape, read_shape
+from signorini_fx.mechanics.statement.rigid_motion import rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
 from signorini_fx.mechanics.statement.statement import Statement
-from signorini_fx.mechanics.statement.values import Vector, shown
 
 _Table = TypeVar("_Table")
 # A list of tables, for which a single one may stand.
@@ -41,89 +39,6 @@ _SETTINGS = ("title", "incomplete", "element", "load_steps", "solver", "accuracy
 def _may_be_remade(mesh: Any) -> bool:
     """Whether cells of other lengths may be made of a table ``mesh``; of most generators only their modules know."""
     return mesh.generator not in WITHOUT_ARCS if isinstance(mesh, MeshGenerator) else getattr(mesh, "drawn", False)
-
-
-class Rigid(RigidMotion):
-    """A rigid body that forces move, with any number of contacts.
-
-    Attributes:
-        name: by which contacts refer to it.
-        shape: its surface; None: each of its contacts says its own.
-        pivot: the point where the force acts, about which it turns, length; None: that of the shape of its first
-            contact.
-        force: on it at its pivot, force, in 2D per thickness; numbers or expressions of the time t; None: none.
-        moment: about that point, in 2D a number, counterclockwise, in 3D three; of the same kinds.
-        prescribed: the components of the motion that are not free.
-        spring: between its pivot and the ground; None: there is none.
-    """
-
-    name: str
-    shape: OneShape = None
-    pivot: Vector | None = None
-
-    @property
-    def driving(self) -> dict[str, Any]:
-        """What drives it, as keys of a shape; without any of these it is free, and contacts alone move it."""
-        free: dict[str, Any] = {} if self.drives else {"prescribed": {}}
-        values = {key: getattr(self, key) for key in ("pivot", *RigidMotion.model_fields)}
-        return {key: value for key, value in values.items() if value is not None} | free
-
-
-def with_shapes(entry: Any) -> Any:
-    """The tables of a scene, where names of rigid bodies among the foundations of contacts are shapes; tables that are
-    wrong stay as they are.
-    """
-    if not isinstance(entry, Mapping) or not isinstance(entry.get("contact", ()), list | tuple | Mapping | BaseModel):
-        return entry
-    contacts, rigid = list(listed(entry.get("contact", ()))), listed(entry.get("rigid", ()))
-    if not rigid and not any(isinstance(_get(contact, "foundation"), str) for contact in contacts):
-        return entry
-    try:
-        bodies = [body if isinstance(body, Rigid) else Rigid.model_validate(body) for body in rigid]
-    except ValidationError:
-        return entry  # its errors are those of the table
-    names, problems, driven = [body.name for body in bodies], [], set[str]()
-    for number, contact in enumerate(contacts):
-        foundation = _get(contact, "foundation")
-        name = foundation if isinstance(foundation, str) else _get(foundation, "rigid")
-        path = ("contact", number, "foundation")
-        if name not in names:
-            if isinstance(foundation, str):
-                known = ", ".join(map(shown, names)) or "none"
-                problems.append((path, f"no [[rigid]] has the name {shown(foundation)}; there are: {known}"))
-            continue
-        body = bodies[names.index(name)]
-        shape = body.shape if isinstance(foundation, str) else foundation
-        if shape is None:
-            problems.append((path, f"[[rigid]] {shown(name)} has no shape: give one there or here"))
-            continue
-        try:
-            shape = read_shape(shape)
-        except ValueError:  # also what pydantic raises; its errors are those of the contact
-            continue
-        keys = {"rigid": name, **(body.driving if name not in driven else {})}
-        problems += [
-            (path, f"[[rigid]] {shown(name)} says {key}: leave it out here")
-            for key in body.driving
-            if getattr(shape, key, None) not in (None, body.driving[key])
-        ]
-        if "pivot" in keys and (shape.shift is not None or shape.rotation is not None):
-            problems.append((path, "a shape that shift or rotation places has its own pivot: give it there"))
-        driven.add(name)
-        given = {"foundation": shape.model_copy(update=keys)}
-        contacts[number] = {**contact, **given} if isinstance(contact, Mapping) else contact.model_copy(update=given)
-    for number, body in enumerate(bodies):
-        if names.index(body.name) < number:
-            problems.append((("rigid", number, "name"), f"two rigid bodies have the name {shown(body.name)}"))
-        elif body.name not in driven and not problems:
-            problems.append((("rigid", number, "name"), "no contact names it as its foundation"))
-    if problems:
-        raise refused("Scene", problems)
-    return {**entry, "contact": contacts, "rigid": bodies}
-
-
-def _get(table: Any, key: str) -> Any:
-    return table.get(key) if isinstance(table, Mapping) else getattr(table, key, None)
 
 
 @with_every_effect
@@ -145,7 +60,6 @@ class Scene(Table):
         contact: contact with a rigid foundation, one entry for each boundary; default: none.
         fluid, force, gravity, point_force, preload, rotation, springs, temperature: see ``Fluid``, ``TotalForce``,
             ``Gravity``, ``PointForce``, ``Preload``, ``Rotation``, ``Springs``, ``TemperatureChange``; default: none.
-        rigid: rigid bodies that forces move, to which contacts refer by their names; default: none.
         load_steps: names and times of load steps, and an automatic ramp; default: one load step per factor.
         solver: algorithms, their parameters and limits.
         accuracy: the accuracy to be reached by refinement; None: no refinement.
@@ -170,13 +84,10 @@ class Scene(Table):
     rotation: Many[loads.Rotation] = ()
     springs: Many[loads.Springs] = ()
     temperature: Many[loads.TemperatureChange] = ()
-    rigid: Many[Rigid] = ()
     load_steps: LoadSteps = LoadSteps()
     solver: SolverSettings = SolverSettings()
     accuracy: Accuracy | None = None
     units: Units = Units()
-
-    _shapes_of_rigid_bodies = model_validator(mode="before")(with_shapes)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -234,7 +145,7 @@ class Scene(Table):
     @cached_property
     def statement(self) -> Statement:
         """The same without its mesh, as all that solves and judges reads it."""
-        fields, origin = type(self).model_fields, ("mesh", "body", "rigid")
+        fields, origin = type(self).model_fields, ("mesh", "body")
         given = {key: getattr(self, key) for key in fields if key not in (*origin, *_SETTINGS)}
         effects = {
             key: entries if isinstance(entries, tuple) else () if entries is None else (entries,)

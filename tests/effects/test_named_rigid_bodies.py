@@ -44,6 +44,8 @@ def roller(*, upper=None, load=None, law=FRICTION, cells=15, unit=(1.0, 1.0), mi
     sign = -1.0 if mirrored else 1.0
     plate = {"length": length, "height": length / 2, "nx": cells, "ny": 6}
     middle = radius * length
+    shape = {"shape": "circle", "centre": [0.0, middle], "radius": middle, "rigid": "roller"}
+    driven = {**shape, "pivot": [0.0, middle], **(driving or {"prescribed": {}})}
     top = {"x": 0.0} if upper is None else {"x": sign * upper[0] * length, "y": upper[1] * length}
     scene = {
         "body": [
@@ -52,14 +54,9 @@ def roller(*, upper=None, load=None, law=FRICTION, cells=15, unit=(1.0, 1.0), mi
         ],
         "material": {"young": 1000.0 * stress, "poisson": 0.3},
         "displacement": [{"boundary": "lower.bottom", "x": 0.0, "y": 0.0}, {"boundary": "upper.top", **top}],
-        "rigid": {
-            "name": "roller",
-            "shape": {"shape": "circle", "centre": [0.0, middle], "radius": middle},
-            "pivot": [0.0, middle],
-            **driving,
-        },
         "contact": [
-            {"boundary": name, "foundation": "roller", "friction": law} for name in ("lower.top", "upper.bottom")
+            {"boundary": name, "foundation": foundation, "friction": law}
+            for name, foundation in (("lower.top", driven), ("upper.bottom", shape))
         ],
         "solver": {"tolerance": 1e-11},
     }
@@ -68,13 +65,10 @@ def roller(*, upper=None, load=None, law=FRICTION, cells=15, unit=(1.0, 1.0), mi
     return scene
 
 
-FREE = {}  # what is not prescribed is free
-
-
 def test_a_roller_rolls():
     """Between plates of which one moves by s it moves by s / 2 and turns by s / (2 R), and it resists with nothing."""
     s, radius = 2.5e-3, 4.0
-    solution = solve(parse_scene(roller(upper=(s, -0.01), radius=radius, **FREE)))
+    solution = solve(parse_scene(roller(upper=(s, -0.01), radius=radius)))
     (row,), (below, above) = rows(solution), sums(solution)
     pressed = below[0]
     assert pressed > 1.0
@@ -104,6 +98,7 @@ def test_a_couple_turns_a_roller_as_soon_as_friction_gives_way(share):
 def seat(turn=45.0, law=None, **driving):
     """A sphere in a conical seat of revolution, a washer whose inner face is inclined by ``turn``."""
     radius, angle, length, height = 2.0, math.radians(turn), 1.0, 0.5
+    ball = {"shape": "circle", "centre": [0.0, 0.0], "radius": radius, "pivot": [0.0, 0.0], "rigid": "ball", **driving}
     # Where the sphere about the origin touches the cone, in the middle of the upper side of the washer's section.
     touched = radius * np.array([math.sin(angle), -math.cos(angle)])
     along, normal = np.array([math.cos(angle), math.sin(angle)]), np.array([math.sin(angle), -math.cos(angle)])
@@ -112,13 +107,7 @@ def seat(turn=45.0, law=None, **driving):
         "body": rectangle("seat", length, height, 20, 10, rotation=turn, shift=corner.tolist()),
         "material": {"young": 1e4, "poisson": 0.3, "hypothesis": "axisymmetric"},
         "displacement": {"boundary": "seat.bottom", "x": 0.0, "y": 0.0},
-        "rigid": {
-            "name": "ball",
-            "shape": {"shape": "circle", "centre": [0.0, 0.0], "radius": radius},
-            "pivot": [0.0, 0.0],
-            **driving,
-        },
-        "contact": {"boundary": "seat.top", "foundation": "ball", "friction": law or {"law": "none"}},
+        "contact": {"boundary": "seat.top", "foundation": ball, "friction": law or {"law": "none"}},
     }
 
 
@@ -148,16 +137,16 @@ def wedge(share, *, law=FRICTION, mirrored=False, **driving):
     }
     faces = {"right": ("left", "right"), "left": ("right", "left")}
     order = ("left", "right") if mirrored else ("right", "left")
+    moved = {"pivot": [0.0, 0.0], "force": [0.0, 0.0], **driving}
     return {
         "body": [{"right": right, "left": left}[name] for name in order],
         "material": {"young": 1000.0, "poisson": 0.0},
         "displacement": [{"boundary": f"{name}.{side}", "normal": 0.0} for name in order for side in ("top", "bottom")],
         "traction": [{"boundary": f"{name}.{faces[name][1]}", "pressure": 2.0} for name in order],
-        "rigid": {"name": "wedge", "pivot": [0.0, 0.0], "force": [0.0, 0.0], **driving},
         "contact": [
             {
                 "boundary": f"{name}.{faces[name][0]}",
-                "foundation": {**planes[name], "rigid": "wedge"},
+                "foundation": {**planes[name], "rigid": "wedge", **(moved if name == order[0] else {})},
                 "friction": law,
             }
             for name in order
@@ -199,26 +188,25 @@ def test_what_nothing_holds_ends_with_its_name(scene, status):
 
 
 MISTAKES = [
-    ({"name": "another"}, r"contact\[0\].foundation: .*'roller'; there are: 'another'"),
-    ({"shape": None}, r"contact\[0\].foundation: \[\[rigid\]\] 'roller' has no shape"),
+    ({"rigid": "another"}, r"contact\[1\].foundation.rigid: give force, .* in one contact of 'roller', not in 0"),
     ({"force": [0.0, 0.0, 0.0]}, "the mesh is plane"),
-    ({"pivot": None}, "give the point where the force acts"),
+    ({"pivot": None, "force": [0.0, 0.0]}, "give the point where the force acts"),
     ({"spring": {"z": 1.0}}, "spring.z: the mesh is plane"),
     ({"spring": {"x": 1.0}, "prescribed": {"x": 0.0}}, "spring.x: has no effect on a component that is prescribed"),
-    ({"colour": "red"}, r"rigid\[?0?\]?.colour: unknown key"),
+    ({"colour": "red"}, r"contact\[0\].foundation.colour: unknown key"),
 ]
 
 
 @pytest.mark.parametrize(("change", "words"), MISTAKES)
 def test_mistakes_are_named(change, words):
-    scene = roller(upper=(0.0, -0.04), **FREE)
-    table = {key: value for key, value in (scene["rigid"] | change).items() if value is not None}
+    scene = roller(upper=(0.0, -0.04))
+    of_first = scene["contact"][0]
+    shape = of_first["foundation"] | change
+    of_first["foundation"] = {key: value for key, value in shape.items() if value is not None}
     with pytest.raises(SceneError, match=words):
-        check_scene(parse_scene(scene | {"rigid": [table]}))
+        check_scene(parse_scene(scene))
 
 
-def test_a_rigid_body_needs_a_contact_and_one_name():
-    scene = roller(upper=(0.0, -0.04), **FREE)
-    for other, words in (("key", "no contact names it"), ("roller", "two rigid bodies have the name 'roller'")):
-        with pytest.raises(SceneError, match=words):
-            parse_scene(scene | {"rigid": [scene["rigid"], scene["rigid"] | {"name": other}]})
+def test_a_table_of_rigid_bodies_has_left():
+    with pytest.raises(SceneError, match="rigid: was removed: give its shape as foundation of each of its contacts"):
+        parse_scene(roller(upper=(0.0, -0.04)) | {"rigid": [{"name": "roller"}]})

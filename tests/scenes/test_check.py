@@ -5,7 +5,6 @@ import re
 import subprocess
 import sys
 import tomllib
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -382,7 +381,6 @@ MODELS = {
     },
     "contact": [contact_of.Contact],
     "contact.friction": [Tresca, Coulomb],
-    "rigid": [import_module("signorini_fx.scenes.scene").Rigid],
     "load_steps": [LoadSteps],
     "solver": [settings.SolverSettings],
     "mesh": [scene.MeshGenerator, MeshFile],

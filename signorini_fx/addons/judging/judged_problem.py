@@ -40,8 +40,7 @@ class JudgedProblem:
             < self.arrays.degree,
             "displacements out of the section are not judged": scene.statement.kinematics.out_of_section,
             "sections inside a body, such as those of bolts, are not judged": scene.statement.sections,
-            "rigid bodies that forces move are not judged": scene.rigid
-            or any(entry.tool is not None for entry in scene.contact),
+            "rigid bodies that forces move are not judged": any(entry.tool is not None for entry in scene.contact),
         }
         return "; ".join(reason for reason, there in reasons.items() if there)
 

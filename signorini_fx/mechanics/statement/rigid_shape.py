@@ -319,7 +319,7 @@ def shape_class(name: str) -> type[Shape]:
 
 def read_shape(entry: Any) -> Any:
     """A shape from a table, else a ``ValueError``; itself if it is one."""
-    if entry is None or isinstance(entry, Shape | str):  # the name of a rigid body, which a scene replaces
+    if entry is None or isinstance(entry, Shape):
         return entry
     if not isinstance(entry, Mapping):
         raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
@@ -333,6 +333,4 @@ def read_shape(entry: Any) -> Any:
     return TypeAdapter(shape_class(name)).validate_python(entry)
 
 
-OneShape = Annotated[
-    Any, BeforeValidator(read_shape), WithJsonSchema({"type": ["object", "string"], "required": ["shape"]})
-]
+OneShape = Annotated[Any, BeforeValidator(read_shape), WithJsonSchema({"type": "object", "required": ["shape"]})]
