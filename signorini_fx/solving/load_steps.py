@@ -19,7 +19,7 @@ from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.mechanics.body.deformation import deformation_of
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
-from signorini_fx.mechanics.statement.load_path import LoadPath, next_place
+from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.settings import SolverSettings
 from signorini_fx.records import Finding, History, Status, StepRecord, Timings
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions, overclosures_of
@@ -177,6 +177,10 @@ class Stepping(ABC, Generic[S]):
             marks = _marks(self.history)
 
 
+# Places are rounded to these digits, so that ten tenths are one.
+_DIGITS = 12
+
+
 class PathIncrements:
     """Where a problem is on its path through load steps: at the place ``reached``, by an ``increment`` from the next,
     ``nominal`` if it is that of a ramp; places are those of ``statement.load_path``.
@@ -197,7 +201,8 @@ class PathIncrements:
     @property
     def next(self) -> float:
         """The place of the next load step; none goes beyond the next factor."""
-        return next_place(self.reached, self.increment)
+        station, end = floor(self.reached + SAME_LENGTH) + 1.0, round(self.reached + self.increment, _DIGITS)
+        return station if end > station - SAME_LENGTH else end
 
     def halve(self) -> None:
         """The next load step has no solution."""

@@ -20,7 +20,7 @@ from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.shapes.simple import Plane
 from signorini_fx.mechanics.statement.effect import Force
-from signorini_fx.mechanics.statement.expressions import Expression, in_space, jumps
+from signorini_fx.mechanics.statement.expressions import Expression, in_space
 from signorini_fx.quantities.proved_statements import Refused
 from signorini_fx.tuned import SAME_LENGTH
 
@@ -48,7 +48,7 @@ def _is_linear(value: Any) -> bool:
     """Whether a value is linear between known places, maybe at nodes: zeros of linear switches, which do not jump."""
     if not isinstance(value, Expression):
         return isinstance(value, float)
-    known = all(_degree(node) <= 1 and not jumps(node) for node in _switches(value.tree))
+    known = all(_degree(node) <= 1 and not _jumps(node) for node in _switches(value.tree))
     return known and _degree(value.tree) <= 1
 
 
@@ -80,6 +80,13 @@ def _switches(node: ast.expr) -> list[ast.expr]:
         case ast.BinOp(left=left, op=ast.Pow(), right=right) if not isinstance(right, ast.Constant) or right.value % 1:
             found.append(left)
     return found
+
+
+def _jumps(node: ast.expr) -> bool:
+    """Whether a number in a tree may jump: it compares others, or takes their sign."""
+    return any(
+        isinstance(part, ast.Compare) or (isinstance(part, ast.Name) and part.id == "sign") for part in ast.walk(node)
+    )
 
 
 def _degree(node: ast.expr) -> float:

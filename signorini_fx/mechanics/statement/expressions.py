@@ -162,13 +162,6 @@ class _Evaluator:
         return a <= b + room if isinstance(op, ast.LtE | ast.GtE) else a + room < b
 
 
-def jumps(node: ast.expr) -> bool:
-    """Whether a number in a tree may jump: it compares others, or takes their sign."""
-    return any(
-        isinstance(part, ast.Compare) or (isinstance(part, ast.Name) and part.id == "sign") for part in ast.walk(node)
-    )
-
-
 @dataclass(frozen=True)
 class Expression:
     """A scalar function of the position, written as text.

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, get_type_hints
+from typing import Annotated, Any, NoReturn, TypeVar, get_type_hints
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -17,11 +17,6 @@ from signorini_fx.extensions import GENERATORS, load, names_of
 from signorini_fx.mechanics.statement.base import plain_message
 from signorini_fx.mechanics.statement.values import Positive
 from signorini_fx.removed import removal
-from signorini_fx.tuned import BYTES_PER_DOF
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
 
 Length = Positive
 Count = Annotated[int, Field(gt=0, le=20_000)]  # of cells along a line
@@ -130,19 +125,6 @@ def generator(
         return generate
 
     return decorate
-
-
-def refuse_too_large(comm: MPI.Comm, blocks: int, cell: str) -> None:
-    """Refuse a grid of quadrilaterals or hexahedra, perhaps cut into simplices, before it is made, by a ``SceneError``
-    if mesh and stiffness alone would take more memory than the machines have; collective.
-    """
-    from signorini_fx.machine import parallel
-
-    cells = blocks * {"triangle": 2, "tetrahedron": 6}.get(cell, 1)
-    wanted, available = BYTES_PER_DOF * cells, parallel.machine_memory(comm)
-    if wanted > available:
-        message = f"about {cells:.2g} cells would need {wanted / 1e9:.0f} GB or more, there are {available / 1e9:.0f}"
-        raise SceneError([("mesh.parameters", f"{message}: use fewer and larger cells")])
 
 
 def refuse(parameter: str, message: str) -> NoReturn:

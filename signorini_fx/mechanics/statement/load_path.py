@@ -17,10 +17,6 @@ from pydantic import Field
 from signorini_fx.errors import FormError
 from signorini_fx.mechanics.statement.base import Table
 from signorini_fx.mechanics.statement.values import Count, Finite
-from signorini_fx.tuned import SAME_LENGTH
-
-# Places are rounded to these digits, so that ten tenths are one.
-_DIGITS = 12
 
 
 class LoadSteps(Table):
@@ -54,12 +50,6 @@ def time_at(times: Sequence[float], step: float) -> float:
     # Places have twelve digits: thirds that add up leave the last two uncertain.
     span = times[-1] - min(times[0], 0.0)
     return round(time, 10 - floor(log10(span)) if span > 0 else 10)
-
-
-def next_place(reached: float, increment: float) -> float:
-    """The place beyond another one by an increment, which does not lead beyond the next factor."""
-    station, end = floor(reached + SAME_LENGTH) + 1.0, round(reached + increment, _DIGITS)
-    return station if end > station - SAME_LENGTH else end
 
 
 @dataclass(frozen=True)
