@@ -26,9 +26,9 @@ from typing import Any, Literal
 import numpy as np
 from mpi4py import MPI
 
-from signorini_fx.mechanics.mesh.drawing import Drawing, Sizes, Surface, around, mesh_solid, plane
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse
+from signorini_fx.meshes.drawing import Drawing, Sizes, Surface, around, mesh_solid, plane
 
 
 @generator(sizes=("size", "contact_size"))

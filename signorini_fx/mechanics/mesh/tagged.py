@@ -424,9 +424,8 @@ def gmsh_mesh(comm: MPI.Comm, draw: Callable[[Any], None], name: str, unit: floa
         MeshError: the model has no cells, no physical group for the body, or no named boundary.
         InstallationError: gmsh is not installed, or cannot be loaded.
     """
-    from signorini_fx.mechanics.mesh.drawing import set_order
     from signorini_fx.mechanics.mesh.files.arrays import from_raw
-    from signorini_fx.mechanics.mesh.files.gmsh_reader import content, gmsh_session
+    from signorini_fx.mechanics.mesh.files.gmsh_reader import content, gmsh_session, set_order
     from signorini_fx.mechanics.mesh.files.size_field import with_sizes
     from signorini_fx.mechanics.mesh.halving import straightened
 

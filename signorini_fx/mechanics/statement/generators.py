@@ -1,27 +1,24 @@
-"""The generators of meshes that a scene can name, and what makes a function one.  No dolfinx here."""
+"""The generators of meshes that a scene can name.  No dolfinx here."""
 
 from __future__ import annotations
 
 import inspect
 import pkgutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Annotated, Any, NoReturn, TypeVar, get_type_hints
+from typing import Any, get_type_hints
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.extensions import GENERATORS, load, names_of
 from signorini_fx.mechanics.statement.base import plain_message
-from signorini_fx.mechanics.statement.values import Positive
 from signorini_fx.removed import removal
 
-Length = Positive
-Count = Annotated[int, Field(gt=0, le=20_000)]  # of cells along a line
 GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
-Generate = TypeVar("Generate", bound=Callable[..., Any])
+_NO_GENERATOR = "drawing"  # its module that has none
 
 
 def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
@@ -32,7 +29,7 @@ def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
     """
     package = find_spec(GENERATORS_PACKAGE)
     folders = [] if package is None else package.submodule_search_locations  # the generators are an add-on
-    own_names = [module.name for module in pkgutil.iter_modules(folders)]
+    own_names = [module.name for module in pkgutil.iter_modules(folders) if module.name != _NO_GENERATOR]
     others = () if name in own_names else names_of(GENERATORS)
     generators: dict[str, Callable[[], Any]] = {key: partial(load, GENERATORS, key) for key in others}
     generators |= {key: partial(_of_this_package, key) for key in own_names}
@@ -88,45 +85,3 @@ def types_of(generate: Callable[..., Any]) -> dict[str, Any]:
 def _adapter(generate: Callable[..., Any], key: str) -> TypeAdapter[Any]:
     """What checks a parameter of a generator; pydantic takes longer to make it than gmsh to make a small mesh."""
     return TypeAdapter(types_of(generate).get(key, Any))
-
-
-def generator(
-    *,
-    counts: Sequence[str] = (),
-    sizes: Sequence[str] = (),
-    least: Mapping[str, int] | None = None,
-    simplices: str | None = None,
-) -> Callable[[Generate], Generate]:
-    """Say how the mesh of a generator depends on its parameters.
-
-    Without this decorator a generator makes its meshes all the same, but none for a nested iteration and none that is
-    refined adaptively.
-
-    Args:
-        counts: the parameters that are numbers of cells along a line; cells twice as large need half of them.
-        sizes: the parameters that are lengths of cells.
-        least: the smallest numbers of cells, where these are more than 1.
-        simplices: of a body with straight sides and a parameter ``cell`` its value for triangles or tetrahedra.
-    """
-
-    def decorate(generate: Generate) -> Generate:
-        described: Any = generate
-        defaults = {name: parameter.default for name, parameter in inspect.signature(generate).parameters.items()}
-
-        def coarser(parameters: Mapping[str, Any], factor: float) -> dict[str, Any]:
-            """The parameters for cells that are ``factor`` times as large."""
-            all_parameters = {**defaults, **parameters}
-            fewer = {name: max((least or {}).get(name, 1), round(all_parameters[name] / factor)) for name in counts}
-            return {**parameters, **fewer, **{name: factor * all_parameters[name] for name in sizes}}
-
-        described.coarser = coarser if counts or sizes else None
-        described.simplices = simplices
-        described.sized = bool(sizes)
-        return generate
-
-    return decorate
-
-
-def refuse(parameter: str, message: str) -> NoReturn:
-    """Raise a ``SceneError`` of a parameter that is not compatible with the others."""
-    raise SceneError([(f"mesh.parameters.{parameter}", message)])

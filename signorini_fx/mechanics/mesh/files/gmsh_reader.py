@@ -252,13 +252,25 @@ def _mesh(gmsh: Any, halvings: int, degree: int | None) -> None:
         gmsh.model.mesh.refine()
     if degree:
         gmsh.model.mesh.setOrder(degree)
-    if inverted(gmsh):
+    if _inverted(gmsh):
         gmsh.model.mesh.optimize("HighOrder")  # it moves the nodes between the corners
 
 
-def inverted(gmsh: Any) -> bool:
+def _inverted(gmsh: Any) -> bool:
     """Whether a curved solid cell has been turned inside out."""
     mesh = gmsh.model.mesh
     kinds = [kind for kind in mesh.getElementTypes(3) if mesh.getElementProperties(kind)[2] > 1]
     cells = [mesh.getElementsByType(kind)[0] for kind in kinds]
     return not all((mesh.getElementQualities(tags, "minDetJac") > 0).all() for tags in cells)
+
+
+def set_order(gmsh: Any, order: int) -> None:
+    """Add nodes between the corners of cells, on curves and surfaces, and check that no solid is inverted.
+
+    Raises:
+        MeshError: the cells are too large for the arcs.
+    """
+    gmsh.model.mesh.setOrder(order)
+    # gmsh could move the nodes, but ends the whole process if it finds no place for them.
+    if _inverted(gmsh):
+        raise MeshError("cells that follow the arcs would be turned inside out: use more of them, or order = 1")

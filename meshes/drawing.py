@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.gmsh_reader import inverted
-from signorini_fx.mechanics.statement.generators import refuse
+from signorini_fx.mechanics.mesh.files.gmsh_reader import set_order
+from signorini_fx.meshes import refuse
 from signorini_fx.tuned import DIGITS_OF_FILES
 
 # A function of points of shape (3, n) that says which of them are on a surface.
@@ -218,18 +217,6 @@ def mesh_extruded(
     if order > 1:
         set_order(gmsh, order)
     _name_solids(gmsh, {"bottom": plane(2, 0.0), "top": plane(2, up), **boundaries})
-
-
-def set_order(gmsh: Any, order: int) -> None:
-    """Add nodes between the corners of cells, on curves and surfaces, and check that no solid is inverted.
-
-    Raises:
-        MeshError: the cells are too large for the arcs.
-    """
-    gmsh.model.mesh.setOrder(order)
-    # gmsh could move the nodes, but ends the whole process if it finds no place for them.
-    if inverted(gmsh):
-        raise MeshError("cells that follow the arcs would be turned inside out: use more of them, or order = 1")
 
 
 def _name_solids(gmsh: Any, boundaries: Mapping[str, Surface]) -> None:
