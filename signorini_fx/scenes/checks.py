@@ -29,8 +29,8 @@ from signorini_fx.results.accuracy.next_accuracy import between, next_refinement
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on
 from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
-from signorini_fx.scenes.uniqueness import uniqueness_findings
 from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand, scene_findings
+from signorini_fx.solving.uniqueness import uniqueness_findings
 from signorini_fx.tuned import (
     BASE_BYTES,
     BYTES_PER_DOF,

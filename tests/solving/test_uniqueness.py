@@ -11,7 +11,7 @@ from scenes import one_triangle
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.scenes.checks import check_scene
 from signorini_fx.scenes.reading import parse_scene
-from signorini_fx.scenes.uniqueness import proved_multiple
+from signorini_fx.solving.uniqueness import proved_multiple
 
 
 def told(scene):
