@@ -265,7 +265,8 @@ class Solution:
 
     @cached_property
     def _stress(self) -> RawStresses | str:
-        return self.model.stress(self.displacement, self._position)
+        stress = self.model.stress(self.displacement, self._position)
+        return stress if isinstance(stress, str) else replace(stress, strain_energy=self.last_step.strain_energy)
 
     @cached_property
     def resultants(self) -> Resultants:

@@ -237,11 +237,13 @@ class RawStresses(StressFields):
         body: that it is of, a ``SolidBody``.
         place: of the load step in the lists of factors, see ``statement.load_path``.
         at_points: of a nonlinear body at the points of quadrature, where its extremes are; None: they are at nodes.
+        strain_energy: of the load step.
     """
 
     body: Any
     place: float = 0.0
     at_points: PointStress | None = None
+    strain_energy: float | None = None
 
     @property
     def recovers(self) -> bool:
@@ -251,11 +253,9 @@ class RawStresses(StressFields):
     @cached_property
     def energy(self) -> float:
         """The strain energy of the stress; collective."""
-        if not self.body.statement.material:  # that of forms may have the energy of springs in it
+        if self.strain_energy is None or not self.body.statement.material:  # that of forms may have springs in it
             return float(self.body.recovery.energy(self.stress.displacement))
-        balance = self.body.balance(self.stress.displacement, self.place)
-        owned, dim = balance.external.shape
-        return float(balance.strain_energy(balance.works(self.stress.displacement.x.array.reshape(-1, dim)[:owned])))
+        return self.strain_energy
 
     @cached_property
     def plastic_strain(self) -> fem.Function | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import basix
@@ -115,7 +115,7 @@ class SceneLaw:
         """Of the body."""
         return self.statement.kinematics_in(self.tagged.dimension)
 
-    @property
+    @cached_property
     def degree(self) -> int:
         """Of the quadrature of a(., .); collective."""
         return strain_degree(self.space, self.kinematics)

@@ -22,7 +22,6 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
     compile_form,
     measure,
     parallelepipeds,
-    strain_degree,
 )
 from signorini_fx.mechanics.effects.displacement import PrescribedDisplacement
 from signorini_fx.mechanics.elasticity.elastic_law import ElementStress, fields_of
@@ -82,7 +81,7 @@ class StressRecovery:
         # Without the radius, and expressions in the stress, all is a product of two polynomials like the strain.
         strained = any(effect.strains for _, effect in model.statement.listed())
         plain = model.kinematics.uniform and not strained and not model.elastic.pressed
-        degree = strain_degree(model.space) if plain and parallelepipeds(model.tagged.mesh) else None
+        degree = model.elastic.degree if plain and parallelepipeds(model.tagged.mesh) else None
         return cls(stress, partial(boundary_residual, model, stress), degree)
 
     def _choose(self, cells: npt.NDArray[np.int32]) -> None:
@@ -234,7 +233,7 @@ def squared_residual(
     """
     space = stress.displacement.function_space
     mesh, degree = space.mesh, space.element.basix_element.degree
-    size = fem.Function(fem.functionspace(mesh, ("DG", 0)))  # h of each cell
+    size = fem.Function(z.ufl_function_space())  # h of each cell
     if size.x.array.size:
         size.x.array[:] = mesh.h(mesh.topology.dim, np.arange(size.x.array.size, dtype=np.int32))
     # Facets on which the same acts share a term; one column more, so that no row is empty.
