@@ -121,7 +121,7 @@ def solved(scene: Any) -> tuple[Any, fem.Function, Any]:
     solution = problem.solved()
     assert solution.converged
     errors = combined(solution.model, solution.table, *problem._errors_in_body(solution))
-    return solution, stress_of(problem._F, problem.u), errors
+    return solution, stress_of(problem._solver.tangents.lowered, problem.u), errors
 
 
 class Fine:

@@ -156,7 +156,7 @@ class NonlinearContactProblem(ProblemOfForms):
         boundaries: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> None:
-        self._F, self.u = F, u
+        self.u = u
         contact = checked(F, u, J, foundations_of(contact))
         options: dict[str, Any] = {"form_compiler_options": form_compiler_options, "jit_options": jit_options}
         tangents = Tangents(F, J, u, options)
@@ -200,7 +200,7 @@ class NonlinearContactProblem(ProblemOfForms):
             """Of the body as it is now."""
             if self._solver.solved is not solved:
                 return "there is no estimate of the error of an earlier solve"
-            return stress_error(self._F, self.u, self.linear.forms.parts)
+            return stress_error(self._solver.tangents.lowered, self.u, self.linear.forms.parts)
 
         assert linear.outcome is not None
         named = named_parts(linear.forms, linear.elastic.settings, ("F",))

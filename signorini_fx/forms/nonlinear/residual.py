@@ -100,13 +100,17 @@ class Tangents:
         return self._compiled(self._J) if self.given else self.derivative
 
     @cached_property
+    def lowered(self) -> Any:
+        """F, see ``lowered``."""
+        return lowered(self._F)
+
+    @cached_property
     def bilinear(self) -> Any:
         """F' in UFL where it is the same at all displacements; else, and where there is one of the user's, None."""
         if self.given:
             return None
-        form = ufl.derivative(self._F, self._u, ufl.TrialFunction(self._u.function_space))
-        lowered = apply_derivatives(apply_algebra_lowering(form))
-        return None if self._u in lowered.coefficients() else lowered
+        form = apply_derivatives(ufl.derivative(self.lowered, self._u, ufl.TrialFunction(self._u.function_space)))
+        return None if self._u in form.coefficients() else form
 
     @cached_property
     def derivative(self) -> fem.Form:
@@ -118,10 +122,18 @@ class Tangents:
             return form if isinstance(form, fem.Form) else fem.form(form, **self._options)
 
 
+def lowered(form: Any) -> Any:
+    """A form by components, with its derivatives carried out, UFL."""
+    return apply_derivatives(apply_algebra_lowering(form))
+
+
 def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
     """F'(u) along ``trial``, integrated where F is, as UFL by default estimates a higher degree for it."""
-    lowered = compute_form_data(
-        F,
+    unknown = [integral for integral in F.integrals() if "quadrature_degree" not in integral.metadata()]
+    if not unknown:
+        return ufl.derivative(F, u, trial)
+    data_of_form = compute_form_data(
+        ufl.Form(unknown),
         do_apply_function_pullbacks=True,
         do_apply_integral_scaling=True,
         do_apply_geometry_lowering=True,
@@ -130,11 +142,9 @@ def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
         do_append_everywhere_integrals=False,
     )
     estimated = dict[tuple[str, Any], int]()
-    for data in lowered.integral_data:
-        known = [integral.metadata() for integral in data.integrals]
-        known = [metadata["estimated_polynomial_degree"] for metadata in known if "quadrature_degree" not in metadata]
-        if known:
-            estimated |= {(data.integral_type, number): int(max(map(np.max, known))) for number in data.subdomain_id}
+    for data in data_of_form.integral_data:
+        degrees = [integral.metadata()["estimated_polynomial_degree"] for integral in data.integrals]
+        estimated |= {(data.integral_type, number): int(max(map(np.max, degrees))) for number in data.subdomain_id}
 
     def as_assembled(integral: Any) -> Any:
         numbers = integral.subdomain_id()

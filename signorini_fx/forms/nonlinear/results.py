@@ -17,8 +17,6 @@ import numpy.typing as npt
 import scipy.sparse.linalg
 import ufl
 from dolfinx import fem
-from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
-from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from signorini_fx.algebra import Settings
 from signorini_fx.forms.elasticity import acting_on, prescribed_nodes
@@ -228,8 +226,8 @@ def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
 
 
 def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> Array | str:
-    """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; ``parts``:
-    cells of each material, local numbers, ghosts included; collective.
+    """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; ``residual``:
+    F ``lowered``; ``parts``: cells of each material, local numbers, ghosts included; collective.
     """
     stress = SimpleNamespace(
         displacement=u,
@@ -250,8 +248,7 @@ def stress_of(residual: Any, u: fem.Function) -> fem.Function:
     space, scalar = (fem.functionspace(mesh, ("DG", degree, shape)) for shape in ((rows * columns,), ()))
     tested, product = ufl.TestFunction(space), ufl.inner(ufl.TrialFunction(scalar), ufl.TestFunction(scalar))
     tensor = ufl.as_matrix([[tested[i * columns + j] for j in range(columns)] for i in range(rows)])
-    lowered = apply_derivatives(apply_algebra_lowering(residual))
-    over_cells = ufl.Form([integral for integral in lowered.integrals() if integral.integral_type() == "cell"])
+    over_cells = ufl.Form([integral for integral in residual.integrals() if integral.integral_type() == "cell"])
     (v,) = residual.arguments()
     with compiling():
         moments = fem.form(ufl.replace(over_cells, {ufl.grad(v): tensor, v: ufl.zero(v.ufl_shape)}))
