@@ -101,8 +101,8 @@ class Tangents:
 
     @cached_property
     def lowered(self) -> Any:
-        """F, see ``lowered``."""
-        return lowered(self._F)
+        """F by components, with its derivatives carried out, UFL."""
+        return apply_derivatives(apply_algebra_lowering(self._F))
 
     @cached_property
     def bilinear(self) -> Any:
@@ -122,17 +122,12 @@ class Tangents:
             return form if isinstance(form, fem.Form) else fem.form(form, **self._options)
 
 
-def lowered(form: Any) -> Any:
-    """A form by components, with its derivatives carried out, UFL."""
-    return apply_derivatives(apply_algebra_lowering(form))
-
-
 def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
     """F'(u) along ``trial``, integrated where F is, as UFL by default estimates a higher degree for it."""
     unknown = [integral for integral in F.integrals() if "quadrature_degree" not in integral.metadata()]
     if not unknown:
         return ufl.derivative(F, u, trial)
-    data_of_form = compute_form_data(
+    form_data = compute_form_data(
         ufl.Form(unknown),
         do_apply_function_pullbacks=True,
         do_apply_integral_scaling=True,
@@ -142,7 +137,7 @@ def derivative(F: Any, u: fem.Function, trial: Any) -> Any:
         do_append_everywhere_integrals=False,
     )
     estimated = dict[tuple[str, Any], int]()
-    for data in data_of_form.integral_data:
+    for data in form_data.integral_data:
         degrees = [integral.metadata()["estimated_polynomial_degree"] for integral in data.integrals]
         estimated |= {(data.integral_type, number): int(max(map(np.max, degrees))) for number in data.subdomain_id}
 

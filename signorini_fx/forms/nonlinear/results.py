@@ -227,7 +227,7 @@ def slid_past_partners(linear: LinearisedProblem) -> Iterator[Finding]:
 
 def stress_error(residual: Any, u: fem.Function, parts: Sequence[npt.NDArray[np.int32]]) -> Array | str:
     """What each owned cell has of the squared relative error of the stress in L2, or why it is not known; ``residual``:
-    F ``lowered``; ``parts``: cells of each material, local numbers, ghosts included; collective.
+    F as ``Tangents.lowered``; ``parts``: cells of each material, local numbers, ghosts included; collective.
     """
     stress = SimpleNamespace(
         displacement=u,
