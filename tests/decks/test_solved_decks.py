@@ -28,7 +28,7 @@ def solved(folder, capsys, *options):
 def test_a_whole_deck(tmp_path, capsys):
     """It is solved; a draft overwrites no file."""
     code, printed = drafted(tmp_path, stacked([]), capsys)
-    assert code == 0
+    assert code == 0, printed
     assert "changes the answer" not in printed
     assert solved(tmp_path, capsys, "--quiet") == (0, "")
     text = (tmp_path / "draft.toml").read_text()
@@ -45,11 +45,11 @@ def test_what_changes_the_answer(tmp_path, capsys, options):
     lines = stacked(["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=MASSLESS", "1e-4, .1"])
     lines.insert(-1, "*FILM")
     code, printed = drafted(tmp_path, lines, capsys)
-    assert code == 4
+    assert code == 4, printed
     assert "changes the answer: line" in printed
     assert "does not change the answer: line" in printed
     code, printed = solved(tmp_path, capsys, *options)
-    assert code == 4
+    assert code == 4, printed
     assert "these are results of another problem: the scene lacks 1 of what was meant" in printed
     assert cli.main(["report", str(tmp_path / "out")]) == 0
     page = (tmp_path / "out" / "report.html").read_text()
@@ -62,7 +62,7 @@ def test_a_deck_without_its_contact(tmp_path, capsys):
     """It is another problem."""
     lines = ["UP_BOTTOM, NOWHERE" if line == "UP_BOTTOM, LOW_TOP" else line for line in stacked([])]
     code, printed = drafted(tmp_path, lines, capsys)
-    assert code == 4
+    assert code == 4, printed
     assert "changes the answer: all of its contact: bodies do not touch in the scene" in printed
     assert solved(tmp_path, capsys)[0] in (1, 4)
 
@@ -103,7 +103,7 @@ def test_sides_that_keep_their_partners(tmp_path, capsys):
     """With ADJUST sides do not slide, which is named."""
     lines = beams(0.002, "*CONTACT PAIR, INTERACTION=I, ADJUST=0.01")
     code, printed = drafted(tmp_path, lines, capsys)
-    assert code == 4
+    assert code == 4, printed
     assert 'sliding = "small"' in (tmp_path / "draft.toml").read_text()
     at = lines.index("*STEP, NLGEOM") + 1
     assert f"changes the answer: line {at}, *STEP: NLGEOM: points in contact keep" in printed

@@ -37,7 +37,7 @@ def squares(tmp_path):
 def test_mesh_info(capsys, squares):
     """Counts, size, names, and what would hurt: a hinge, nodes that coincide, facets without a name."""
     code, out, err = run(capsys, "mesh-info", squares)
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, ""), err
     for text in (
         "2 quadrilaterals, 7 points",
         "x[0] 0 to 2, x[1] 0 to 1; area 2",
