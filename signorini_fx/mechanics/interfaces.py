@@ -27,8 +27,8 @@ class Foundation:
         bilateral: whether the contact cannot open; the pressure then has any sign.
         measure: factor of the surface measure in the user's forms, a UFL expression, such as 2 pi r of bodies of
             revolution; points at which it is zero carry no contact.  None: 1.
-        shape: the foundation as a thing, such as ``signorini_fx.mechanics.shapes.simple.Sphere(...)``: any object with
-            ``distance(x)``, see ``statement.rigid_shape.Shape``, or a table as a scene has it.  It determines the
+        shape: the foundation as a thing, such as ``signorini_fx.mechanics.shapes.analytic.Sphere(...)``: any object
+            with ``distance(x)``, see ``statement.rigid_shape.Shape``, or a table as a scene has it.  It determines the
             direction, and ``gap`` is added to its distance.  With a force, a moment or prescribed components it is a
             rigid tool, which they move.  None: gap and direction say where it is.
         bonded: whether the boundary is tied to it as it lies, whatever gap and friction are; then ``shape`` has a

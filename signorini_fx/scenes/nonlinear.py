@@ -31,7 +31,7 @@ from signorini_fx.mechanics.mesh.tagged import check_fits
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.obstacles.scene_contact import foundations_of
 from signorini_fx.mechanics.statement.expressions import sample
-from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
+from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.mechanics import StepResult, acting_on

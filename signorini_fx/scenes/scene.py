@@ -25,7 +25,7 @@ from signorini_fx.mechanics.statement.effect import Load, listed, with_every_eff
 from signorini_fx.mechanics.statement.features import refused_features
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import WITHOUT_ARCS, Body, MeshGenerator, OneMesh
-from signorini_fx.mechanics.statement.rigid_motion import rigid_bodies
+from signorini_fx.mechanics.statement.rigid_body import rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
 from signorini_fx.mechanics.statement.statement import Statement
 

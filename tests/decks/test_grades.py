@@ -5,7 +5,7 @@ import re
 import pytest
 from deck_lines import stacked
 
-from signorini_fx.addons.decks import keywords
+from signorini_fx.addons.decks import unread_keywords
 from signorini_fx.addons.decks.draft import draft
 from signorini_fx.errors import MeshError
 from signorini_fx.scenes import cli
@@ -189,8 +189,8 @@ SAID = {
     ("STEP", "PERTURBATION"): ([], [], {"*STEP": "*STEP, PERTURBATION"}),
     **{
         (keyword, ""): ([], ["*END STEP", "*STEP", f"*{keyword}"])
-        for keyword, effect in keywords.LOST.items()
-        if effect == keywords.OTHER_PROCEDURE
+        for keyword, effect in unread_keywords.LOST.items()
+        if effect == unread_keywords.OTHER_PROCEDURE
     },
     ("AMPLITUDE", "DEFINITION other than TABULAR"): (
         ["*AMPLITUDE, NAME=A, DEFINITION=PERIODIC", "1, 2., 0., 1."],
@@ -276,8 +276,8 @@ def place(effect):
 def test_grades(tmp_path, grade):
     """A deck with each row of the tables is graded so, and the remark names the line and the keyword."""
     said = {
-        "lost": rows(keywords.LOST, {"GAP": "not read", "CONNECTORFRICTION": "not read"}, partly=LOST),
-        "noted": rows(keywords.NOTED, partly=NOTED),
+        "lost": rows(unread_keywords.LOST, {"GAP": "not read", "CONNECTORFRICTION": "not read"}, partly=LOST),
+        "noted": rows(unread_keywords.NOTED, partly=NOTED),
     }
     wrong = []
     for keyword, case, effect in said[grade]:

@@ -107,7 +107,7 @@ def test_every_module_has_a_layer():
 def test_imports_point_down():
     """To lower layers, or within one."""
     graph = architecture.graph()
-    statement = {f"mechanics.statement.{name}" for name in ("effect", "expressions", "rigid_motion", "values")}
+    statement = {f"mechanics.statement.{name}" for name in ("effect", "expressions", "rigid_body", "values")}
     assert graph["mechanics.effects.loads"] == {"errors", "tuned", *statement}
     assert {"mechanics.model", "mechanics.mesh.tagged", "algebra.linalg.choice"} <= graph["solving.solve_on_mesh"]
     place = {layer: number for number, layer in enumerate(architecture.LAYERS)}

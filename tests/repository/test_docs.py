@@ -41,7 +41,7 @@ from signorini_fx.mechanics.statement import settings
 from signorini_fx.mechanics.statement.generators import known_generators
 from signorini_fx.mechanics.statement.load_path import LoadSteps
 from signorini_fx.mechanics.statement.mesh_sources import MeshFile
-from signorini_fx.mechanics.statement.rigid_motion import RigidMotion
+from signorini_fx.mechanics.statement.rigid_body import RigidMotion
 from signorini_fx.records import JUDGED, REPORTED, Status
 from signorini_fx.results.files import write_results
 from signorini_fx.scenes import cli, scene

@@ -18,7 +18,7 @@ from signorini_fx.mechanics.effects.loads import BodyForce, Gravity, SurfaceTrac
 from signorini_fx.mechanics.laws.coulomb import Tresca
 from signorini_fx.mechanics.materials.protocol import Material
 from signorini_fx.mechanics.model import Model
-from signorini_fx.mechanics.shapes.simple import Plane
+from signorini_fx.mechanics.shapes.analytic import Plane
 from signorini_fx.mechanics.statement.effect import Force
 from signorini_fx.mechanics.statement.expressions import Expression, in_space
 from signorini_fx.quantities.proved_statements import Refused

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
-from signorini_fx.addons.decks.keywords import CONSTRAINT
 from signorini_fx.addons.decks.text import DeckBlock, parameter, real, real_or_none
+from signorini_fx.addons.decks.unread_keywords import CONSTRAINT
 from signorini_fx.mechanics.mesh.files.cells import Ints
 from signorini_fx.tuned import HARD_CONTACT
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from signorini_fx.addons.decks import bolts
 from signorini_fx.addons.decks.content import Deck, DeckLoad, Place
-from signorini_fx.addons.decks.keywords import NO_BODY_PART, UNKNOWN, WITHOUT_EFFECT
 from signorini_fx.addons.decks.mesh import Group
 from signorini_fx.addons.decks.text import (
     ROTATIONS,
@@ -23,6 +22,7 @@ from signorini_fx.addons.decks.text import (
     parameter,
     real,
 )
+from signorini_fx.addons.decks.unread_keywords import NO_BODY_PART, UNKNOWN, WITHOUT_EFFECT
 from signorini_fx.mechanics.mesh.files.arrays import plain
 from signorini_fx.mechanics.mesh.files.cells import Floats, Ints, completed, nodal_measures
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.algorithms.augmentation import Augmentation, augmented_lagrangian
+from signorini_fx.algebra.algorithms.alm import Augmentation, augmented_lagrangian
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.active_sets import ActiveSets

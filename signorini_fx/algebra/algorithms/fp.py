@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from signorini_fx.algebra.algorithms.augmentation import Augmentation
+from signorini_fx.algebra.algorithms.alm import Augmentation
 from signorini_fx.algebra.algorithms.ssn import SemismoothNewton
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData

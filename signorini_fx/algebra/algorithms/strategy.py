@@ -15,7 +15,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.algebra import step_limit
-from signorini_fx.algebra.algorithms.augmentation import augmented_lagrangian
+from signorini_fx.algebra.algorithms.alm import augmented_lagrangian
 from signorini_fx.algebra.algorithms.coulomb import (
     augmentation_on,
     automatic_gamma,

@@ -49,8 +49,8 @@ from signorini_fx.mechanics.loads.supports import prescribed
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.obstacles.foundations_on_points import Foundations, ShapeDistances
 from signorini_fx.mechanics.obstacles.paired_points import MovingPair, PairedSides
-from signorini_fx.mechanics.shapes.simple import Plane
-from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
+from signorini_fx.mechanics.shapes.analytic import Plane
+from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.rigid_shape import Distance
 from signorini_fx.records import Status
 from signorini_fx.results.certificate.certificate import Certificate

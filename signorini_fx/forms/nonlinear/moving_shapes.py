@@ -26,7 +26,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion, turn_of
-from signorini_fx.mechanics.statement.rigid_motion import COMPONENTS
+from signorini_fx.mechanics.statement.rigid_body import COMPONENTS
 from signorini_fx.mechanics.statement.rigid_shape import Shape
 from signorini_fx.tuned import DIFFERENCE_STEP, MOST_TURNED, NEGLIGIBLE
 

@@ -214,7 +214,7 @@ class EquilibriumSolver(Stability):
                 linear.solve(keeps_stiffness=keeps)
                 increment = linear.u.x.array - old
                 at = old, increment, residual
-                length, residual = length_of_increment(linear, self.residual.at, at, search=iteration > 1)
+                length, residual = line_search(linear, self.residual.at, at, search=iteration > 1)
             finally:
                 linear.residual = None
             if length == 0.0:
@@ -292,7 +292,7 @@ class EquilibriumSolver(Stability):
         return Status.CONVERGED if self.certificate.holds else Status.NOT_CERTIFIED
 
 
-def length_of_increment(
+def line_search(
     linear: LinearisedProblem,
     forces_at: Callable[[Array], Array | None],
     at: tuple[Array, Array, Array],

@@ -38,7 +38,7 @@ from signorini_fx.mechanics.assembly.mesh_entities import (
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.laws.directed import FrictionAxes
-from signorini_fx.mechanics.statement.rigid_motion import RigidBody
+from signorini_fx.mechanics.statement.rigid_body import RigidBody
 from signorini_fx.tuned import ROOT_OF_EPS, ZERO_COMPONENT
 
 if TYPE_CHECKING:

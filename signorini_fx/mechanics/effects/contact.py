@@ -12,7 +12,7 @@ from signorini_fx.mechanics.laws.coulomb import Coulomb, NoFriction, Tresca
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.statement.base import Table, refused
 from signorini_fx.mechanics.statement.effect import Contradictions, Effect, Features
-from signorini_fx.mechanics.statement.rigid_motion import driven_twice
+from signorini_fx.mechanics.statement.rigid_body import driven_twice
 from signorini_fx.mechanics.statement.rigid_shape import Distance, OneShape
 from signorini_fx.mechanics.statement.values import (
     Direction,
@@ -175,7 +175,7 @@ class Contact(Effect):
 
     @property
     def tool(self) -> Any:
-        """Its foundation, if the motion of that is an unknown, see ``statement.rigid_motion``; else None."""
+        """Its foundation, if the motion of that is an unknown, see ``statement.rigid_body``; else None."""
         return self.foundation if getattr(self.foundation, "driven", False) else None
 
     @property

@@ -26,7 +26,7 @@ from signorini_fx.mechanics.statement.effect import (
     is_zero,
 )
 from signorini_fx.mechanics.statement.expressions import number as value_of
-from signorini_fx.mechanics.statement.rigid_motion import Timed
+from signorini_fx.mechanics.statement.rigid_body import Timed
 from signorini_fx.mechanics.statement.values import (
     Count,
     Direction,

@@ -37,7 +37,7 @@ from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.scales import Scales
-from signorini_fx.mechanics.statement.rigid_motion import RigidMotion, driven_twice, rigid_bodies
+from signorini_fx.mechanics.statement.rigid_body import RigidMotion, driven_twice, rigid_bodies
 from signorini_fx.mechanics.statement.rigid_shape import Distance, Shape, distance_from
 from signorini_fx.mechanics.statement.rigid_shape import fault_of as fault_of_shape
 from signorini_fx.tuned import DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER

@@ -29,7 +29,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.rigid.rigid_motions import rigid_modes
-from signorini_fx.mechanics.statement.rigid_motion import RigidBody
+from signorini_fx.mechanics.statement.rigid_body import RigidBody
 from signorini_fx.mechanics.statement.rigid_shape import turning
 
 _Floats = npt.NDArray[np.float64]

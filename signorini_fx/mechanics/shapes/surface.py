@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from signorini_fx.errors import MeshError, SceneError
-from signorini_fx.mechanics.shapes.simple import Rows, StraightPieces
+from signorini_fx.mechanics.shapes.analytic import Rows, StraightPieces
 from signorini_fx.mechanics.statement.rigid_shape import Array, Shape
 from signorini_fx.mechanics.statement.values import Positive
 from signorini_fx.tuned import INRADIUS_GRID, SAME_NUMBER

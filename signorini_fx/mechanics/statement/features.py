@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.effect import Contradictions, Keys
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.mechanics.statement.rigid_motion import MESH_IS
+from signorini_fx.mechanics.statement.rigid_body import MESH_IS
 
 REFUSED_BY_SETTINGS: Mapping[str, Mapping[str, str]] = {
     "mixed element": {

@@ -29,7 +29,7 @@ from signorini_fx.errors import SceneError
 from signorini_fx.extensions import SHAPES, is_of_package, load_class, names_of
 from signorini_fx.mechanics.statement.base import Table, problems_of, refused
 from signorini_fx.mechanics.statement.expressions import number, sample
-from signorini_fx.mechanics.statement.rigid_motion import (
+from signorini_fx.mechanics.statement.rigid_body import (
     COMPONENTS,
     MESH_IS,
     RigidMotion,
@@ -293,12 +293,12 @@ def fault_of(shape: Any, x: Array, size: float) -> str:
 
 # The file of each shape, and its class there.
 _SHAPES = {
-    "circle": ("simple", "Circle"),
-    "cone": ("simple", "Cone"),
-    "cylinder": ("simple", "Cylinder"),
-    "plane": ("simple", "Plane"),
-    "polyline": ("simple", "Polyline"),
-    "sphere": ("simple", "Sphere"),
+    "circle": ("analytic", "Circle"),
+    "cone": ("analytic", "Cone"),
+    "cylinder": ("analytic", "Cylinder"),
+    "plane": ("analytic", "Plane"),
+    "polyline": ("analytic", "Polyline"),
+    "sphere": ("analytic", "Sphere"),
     "surface": ("surface", "ClosedSurface"),
 }
 

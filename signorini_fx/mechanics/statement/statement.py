@@ -14,7 +14,7 @@ from typing import Any, Self, TypeVar
 from signorini_fx.mechanics.kinematics.protocol import SPACE, Kinematics
 from signorini_fx.mechanics.statement.effect import Effect, Force, Load
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps, factor_at, time_at
-from signorini_fx.mechanics.statement.rigid_motion import RigidBody, rigid_bodies
+from signorini_fx.mechanics.statement.rigid_body import RigidBody, rigid_bodies
 from signorini_fx.mechanics.statement.settings import Accuracy, Discretised, SolverSettings, Units
 from signorini_fx.mechanics.statement.units import unit_names
 
