@@ -59,14 +59,14 @@ def on_registered(group: str, listener: Callable[[str], None]) -> None:
 
 def names_of(group: str) -> tuple[str, ...]:
     """The names in a group, ascending."""
-    return tuple(sorted({*_installed(group, tuple(sys.path)), *_registered.get(group, {})}))
+    return tuple(sorted({*_installed(tuple(sys.path))[group], *_registered.get(group, {})}))
 
 
 def load(group: str, name: str) -> Any:
     """The object of a name in ``names_of``; InstallationError: it cannot be imported."""
     if name in _registered.get(group, {}):
         return _registered[group][name]
-    entry = _installed(group, tuple(sys.path))[name]
+    entry = _installed(tuple(sys.path))[group][name]
     try:
         return entry.load()
     except Exception as error:
@@ -92,7 +92,7 @@ def add_on(name: str) -> Any:
     """What an add-on of this package does, by its name in pyproject.toml; InstallationError: it, or a package that it
     needs, is not installed.
     """
-    entry = _installed(ADD_ONS, tuple(sys.path)).get(name)
+    entry = _installed(tuple(sys.path))[ADD_ONS].get(name)
     if entry is None:
         from signorini_fx.removed import removal
 
@@ -107,9 +107,13 @@ def add_on(name: str) -> Any:
 
 
 @cache
-def _installed(group: str, _path: tuple[str, ...]) -> dict[str, Any]:
-    """Those on the path of Python, which takes milliseconds, once; ours also where it is not installed."""
+def _installed(_path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Those on the path of Python by group, which takes milliseconds, once; ours also where it is not installed."""
     stated = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8")) if _CHECKOUT.is_file() else {}
-    own: dict[str, str] = stated.get("project", {}).get("entry-points", {}).get(group, {})
-    entries = [*(EntryPoint(name, value, group) for name, value in own.items()), *entry_points(group=group)]
-    return {entry.name: entry for entry in entries}
+    own: dict[str, dict[str, str]] = stated.get("project", {}).get("entry-points", {})
+    entries = [EntryPoint(name, value, group) for group, named in own.items() for name, value in named.items()]
+    found: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
+    for entry in (*entries, *entry_points()):
+        if entry.group in found:
+            found[entry.group][entry.name] = entry
+    return found

@@ -186,7 +186,7 @@ def test_a_missing_add_on_is_one_message(monkeypatch):
         InstallationError, match=r"'error_bound' needs signorini_fx\.addons\.bounds.*, an add-on that is not"
     ):
         add_on("error_bound")
-    monkeypatch.setattr(extensions, "_installed", lambda *_: {})
+    monkeypatch.setattr(extensions, "_installed", lambda *_: {key: {} for key in extensions.GROUPS})
     monkeypatch.setitem(sys.modules, "signorini_fx.meshes", None)
     assert known_generators() == {}
     with pytest.raises(InstallationError, match="'report' is an add-on of signorini_fx that is not installed"):
