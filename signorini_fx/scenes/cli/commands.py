@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -59,6 +60,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from signorini_fx.results.summary import lines_of, short_answer, table_row
     from signorini_fx.scenes import solver
 
+    gc.freeze()  # what was imported lives as long as the process: it need not be looked through for garbage
     fields = not options.no_fields
     if options.picture:
         add_on("pictures")
