@@ -135,8 +135,14 @@ def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)
     dateless = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
+    quick = {".png": {"pil_kwargs": {"compress_level": 1}}}  # in half the time, a fifth larger
+    figure.set_dpi(_PNG_DPI)
     if title:
         _entitle(figure, title)
+    if layout := figure.get_layout_engine():  # once: matplotlib would draw everything twice
+        layout.execute(figure)
+        figure.set_layout_engine(None)
     for suffix in suffixes:
         dpi = _PNG_DPI if suffix == ".png" else _RASTER_DPI
-        figure.savefig(stem.with_name(f"{stem.name}{suffix}"), dpi=dpi, metadata=dateless.get(suffix))
+        file = stem.with_name(f"{stem.name}{suffix}")
+        figure.savefig(file, dpi=dpi, metadata=dateless.get(suffix), **quick.get(suffix, {}))
