@@ -171,7 +171,7 @@ def test_a_step_begins_with_what_supports_fix_there(dim, kind, upto):
     scene.problem.linear.slide()
     (pair,) = scene.problem.linear.foundations.sliding.values()
     size = np.abs(scene.u.x.array).max()
-    assert np.abs(pair.slip[pair.begun.partnered]).max() < 1e-14 * size
+    assert np.abs(pair.slip[pair.begun.frames.partnered]).max() < 1e-14 * size
     assert scene.problem.state.in_contact.any()
 
 

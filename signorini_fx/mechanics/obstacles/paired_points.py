@@ -35,7 +35,7 @@ from signorini_fx.mechanics.pairs.pair_side import (
     turned_normals,
 )
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.mechanics.pairs.sliding import Frames, SlidingCoupling, along_vectors, slide
+from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, along_vectors, slide
 from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -372,11 +372,11 @@ class MovingPair:
         displacement: of the nodes of both, length, shape (m, d).
         coupling: the map there.
         settled: the displacement at the end of the last step.
-        begun: which nodes the points met there.
+        begun: the map there.
     """
 
     settled: Array
-    begun: Frames
+    begun: SlidingCoupling
 
     def __init__(self, sides: FacingSides, reach: float | None) -> None:
         """Two sides, undeformed; ``reach``: None: a default."""
@@ -397,12 +397,15 @@ class MovingPair:
         sees two sheets of the other side; collective.
         """
         displacement = self.sides.gathered(owned)
-        if not np.array_equal(displacement, self.displacement):
-            self.coupling, self.displacement = self._at(displacement), displacement
+        if np.array_equal(displacement, self.settled):
+            self.coupling = self.begun
+        elif not np.array_equal(displacement, self.displacement):
+            self.coupling = self._at(displacement)
+        self.displacement = displacement
 
     def settle(self) -> None:
         """A step begins here."""
-        self.settled, self.begun = self.displacement, self.coupling.frames
+        self.settled, self.begun = self.displacement, self.coupling
 
     def _at(self, displacement: Array) -> SlidingCoupling:
         """The map at a displacement of the nodes of both sides, shape (m, d)."""
@@ -465,7 +468,7 @@ class MovingPair:
     @property
     def slip(self) -> Array:
         """The slip of all points since the step has begun, length, shape (n, d - 1)."""
-        return self.coupling.slip(self.begun, *self._of_sides(self.sides.x + self.settled))
+        return self.coupling.slip(self.begun)
 
     @property
     def alone(self) -> npt.NDArray[np.bool_]:
@@ -497,7 +500,7 @@ class MovingPair:
     @property
     def parted(self) -> str:
         """The place of a point that saw the other side as the step began, if none sees it any more; else ""."""
-        left = np.flatnonzero(self.begun.partnered)
+        left = np.flatnonzero(self.begun.frames.partnered)
         if self.coupling.frames.partnered.any() or not left.size:
             return ""
         place = self.coupling.slave.x[self.points[left[0]]]
@@ -510,6 +513,6 @@ class MovingPair:
             return np.eye(2)
         frames, start = (
             np.concatenate((np.cross(tangents[:, :, :1], tangents[:, :, 1:], axis=1), tangents), axis=2)
-            for tangents in (self.coupling.frames.tangents, self.begun.tangents)
+            for tangents in (self.coupling.frames.tangents, self.begun.frames.tangents)
         )
         return np.asarray(np.einsum("nik,njk->nij", frames, start))[self.mine]

@@ -11,15 +11,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, scaled_columns, scaled_rows
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.tuned import KEPT_WEIGHT, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
+Pairs = tuple[Indices, Indices]
 
 
 def constrained(movable: Array) -> Flags:
@@ -48,13 +47,12 @@ def carried(
     the function of each node in each point, columns with the sum one, sparse, shape (n, N), from the facets that are
     ``covered`` and the integral of the function of each node, shape (N,).
     """
-    together = _together(side, covered)
-    tested_nodes = together.diagonal() > 0
+    pairs, tested_nodes = _together(side, covered)
     unable = unable | side.without_area
     for threshold in (KEPT_WEIGHT + SAME_NUMBER, 0.0):  # shares of simple meshes are this one but for round-off
         able = tested_nodes & ~unable & (weight > threshold * side.area)
         while able.any():
-            nodes, shares = _taken_over(together, able)
+            nodes, shares = _taken_over(pairs, able)
             # What a point takes over may have a negative weight.
             weak = shares @ weight <= threshold * side.area[nodes]
             if not weak.any():
@@ -70,8 +68,7 @@ def carried_evenly(side: PairSurface, covered: Indices, weight: Array, movable: 
     it adds to their conditions vanishes before it is no point any more.  So does that of a node that supports hold, by
     how much of the other side is held there, too.
     """
-    together = _together(side, covered)
-    tested_nodes = together.diagonal() > 0
+    pairs, tested_nodes = _together(side, covered)
     able = tested_nodes & ~side.unable & ~side.without_area & (side.area > 0)
     share = np.divide(weight, side.area, out=np.zeros_like(weight), where=able)
     part = np.clip((share - KEPT_WEIGHT) / (WHOLE_WEIGHT - KEPT_WEIGHT), 0.0, 1.0)
@@ -80,7 +77,7 @@ def carried_evenly(side: PairSurface, covered: Indices, weight: Array, movable: 
     portion[portion <= SAME_NUMBER] = 0.0  # what keeps nothing but round-off passes all on
     while portion.any():
         nodes = np.flatnonzero(portion)
-        taken = _absorbed(together, portion, nodes)
+        taken = _absorbed(pairs, portion, nodes)
         mixed = _mixed(taken, nodes, (weight, movable[nodes] * weight[nodes]), portion[nodes])
         # What a point takes over may have a negative weight.
         weak = mixed @ weight <= 0.0
@@ -90,31 +87,29 @@ def carried_evenly(side: PairSurface, covered: Indices, weight: Array, movable: 
     return carried(side, covered, weight, side.unable | constrained(movable))
 
 
-def _absorbed(together: sp.csr_array, portion: Array, nodes: Indices) -> sp.csr_array:
+def _absorbed(pairs: Pairs, portion: Array, nodes: Indices) -> sp.csr_array:
     """How nodes take over functions: each keeps a share, nodes beside it get the rest; columns of sum one, (n, N)."""
-    tested_nodes = together.diagonal() > 0
-    takes = np.where(tested_nodes, portion + NEGLIGIBLE, 0.0)
-    others = sp.csr_array(together - sp.diags_array(together.diagonal()))
-    sums = np.asarray(others.T @ takes)
-    piece = connected_components(together, directed=False)[1]
-    reached = np.bincount(piece, portion) > 0
-    passing = np.where(tested_nodes & reached[piece] & (sums > 0), 1.0 - portion, 0.0)
-    handing = np.divide(passing, sums, out=np.zeros(sums.size), where=sums > 0)
-    steps = scaled_columns(scaled_rows(takes, others), handing)
-    own = np.where(passing > 0, 0.0, portion)
-    shares = sp.csr_array(sp.diags_array(own))
-    chain = np.flatnonzero(passing)
-    if chain.size:  # what is kept of what these hand on, in any number of steps
-        handed = (scaled_rows(own, steps) + sp.diags_array(portion - own))[:, chain]
-        keeping = np.flatnonzero(np.diff(handed.indptr))
-        within = sp.csc_array((sp.eye_array(chain.size) - steps[chain][:, chain]).T)
-        values = splu(within).solve(handed[keeping].toarray().T).T
-        of_keeping, of_chain = np.nonzero(values > SAME_NUMBER**2)
-        places = keeping[of_keeping], chain[of_chain]
-        shares = shares + sp.csr_array((values[of_keeping, of_chain], places), shape=together.shape)
-    columns = np.asarray(shares.sum(axis=0)).ravel()
-    inverse = np.divide(1.0, columns, out=np.zeros(columns.size), where=columns > 0)
-    return scaled_columns(shares, inverse)[nodes]
+    (to, of), takes, reached = pairs, portion + NEGLIGIBLE, portion > 0
+    sums = np.bincount(of, takes[to], portion.size)
+    while (further := ~reached & (np.bincount(of, reached[to], portion.size) > 0)).any():
+        reached = reached | further
+    chain = np.flatnonzero(reached & (portion < 1) & (sums > 0))
+    number, point = np.full(portion.size, -1), np.full(portion.size, -1)
+    number[chain], point[nodes] = np.arange(chain.size), np.arange(nodes.size)
+    on_chain = number[of] >= 0
+    to, of = to[on_chain], of[on_chain]
+    steps = np.zeros((portion.size, chain.size))
+    steps[to, number[of]] = takes[to] * (1.0 - portion[of]) / sums[of]
+    handed = np.where(number < 0, portion, 0.0)[:, None] * steps
+    handed[chain, number[chain]] += portion[chain]
+    # What is kept of what these hand on, in any number of steps.
+    values = np.linalg.solve((np.eye(chain.size) - steps[chain]).T, handed[nodes].T).T
+    values[values <= SAME_NUMBER**2] = 0.0
+    values /= values.sum(axis=0)
+    (of_keeping, of_chain), alone = np.nonzero(values), nodes[number[nodes] < 0]
+    rows, columns = np.concatenate((point[alone], of_keeping)), np.concatenate((alone, chain[of_chain]))
+    entries = np.concatenate((np.ones(alone.size), values[of_keeping, of_chain]))
+    return sp.csr_array((entries, (rows, columns)), shape=(nodes.size, portion.size))
 
 
 def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], portion: Array) -> sp.csr_array:
@@ -131,47 +126,45 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     added = ((1.0 - portion[weak]) * weights[1][weak])[:, None] * mean
     added *= np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
     added /= np.maximum(1.0, 2.0 * added.sum(axis=0))
-    kept = 1.0 - added.sum(axis=0)
-    mixing = sp.diags_array(kept) + sp.eye_array(nodes.size, format="csc")[:, weak] @ sp.csr_array(added)
-    return sp.csr_array(mixing @ shares)
+    kept, (row, column) = np.arange(nodes.size), np.nonzero(added)
+    places = np.concatenate((kept, weak[row])), np.concatenate((kept, column))
+    entries = np.concatenate((1.0 - added.sum(axis=0), added[row, column]))
+    return sp.csr_array(sp.csr_array((entries, places), shape=(nodes.size, nodes.size)) @ shares)
 
 
 def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     """Values at some nodes, ascending, shape (n, k), and at all others with test functions the means of those beside
     them, ring by ring, shape (N, k); zero where no ring arrives.
     """
-    together = _together(side, np.arange(len(side.nodes)))
+    (to, of), _ = _together(side, np.arange(len(side.nodes)))
     extension, known = np.zeros((len(side.x), values.shape[1])), np.zeros(len(side.x), dtype=bool)
     extension[nodes], known[nodes] = values, True
-    ring = known
-    while ring.any():
-        number = together @ known.astype(np.float64)
-        ring = (number > 0) & ~known
-        extension[ring] = (together @ extension)[ring] / number[ring, None]
-        known = known | ring
+    while (into := known[of] & ~known[to]).any():
+        number = np.bincount(to[into], minlength=known.size)
+        np.add.at(extension, to[into], extension[of[into]] / number[to[into], None])
+        known = known | (number > 0)
     return extension
 
 
-def _together(side: PairSurface, facets: Indices) -> sp.csr_array:
-    """One where two nodes of a side, or the same, have test functions on one of some facets, sparse, shape (N, N)."""
-    tests, count = side.points[facets], len(side.area)
-    rows = np.repeat(tests, tests.shape[1], axis=1).ravel()
-    columns = np.tile(tests, (1, tests.shape[1])).ravel()
-    together = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
-    together.data[:] = 1.0
-    return together
+def _together(side: PairSurface, facets: Indices) -> tuple[Pairs, Flags]:
+    """The nodes of a side, two each, that have test functions on one of some facets, in both orders, ascending, and
+    which nodes have any there, shape (N,).
+    """
+    tests, count = side.points[facets], len(side.x)
+    tested_nodes: Flags = np.zeros(count, dtype=bool)
+    tested_nodes[tests] = True
+    first, second = np.divmod(np.unique(tests[:, :, None] * count + tests[:, None]), count)
+    others = first != second
+    return (first[others], second[others]), tested_nodes
 
 
-def _taken_over(together: sp.csr_array, able: Flags) -> tuple[Indices, sp.csr_array]:
+def _taken_over(pairs: Pairs, able: Flags) -> tuple[Indices, sp.csr_array]:
     """Nodes that carry a point, and how they take over the functions of others, ring by ring."""
-    nodes, count = np.flatnonzero(able), able.size
-    shares = sp.csr_array((np.ones(nodes.size), (np.arange(nodes.size), nodes)), shape=(nodes.size, count))
-    done, ring = able, able
-    while ring.any():
-        beside_done = scaled_rows(done.astype(np.float64), together)
-        number = np.asarray(beside_done.sum(axis=0)).ravel()
-        ring = (number > 0) & ~done
-        mean = np.divide(1.0, number, out=np.zeros(count), where=ring)
-        shares = sp.csr_array(shares + shares @ scaled_columns(beside_done, mean))
-        done = done | ring
+    (to, of), nodes, done = pairs, np.flatnonzero(able), able
+    shares = sp.csr_array((np.ones(nodes.size), nodes, np.arange(nodes.size + 1)), shape=(nodes.size, able.size))
+    while (into := done[to] & ~done[of]).any():
+        number = np.bincount(of[into], minlength=able.size)
+        entries = 1.0 / number[of[into]], (to[into], of[into])
+        shares = sp.csr_array(shares + shares @ sp.csr_array(entries, shape=(able.size, able.size)))
+        done = done | (number > 0)
     return nodes, shares

@@ -314,14 +314,6 @@ def scaled_rows(factors: Array, matrix: Any) -> sp.csr_array:
     return scaled
 
 
-def scaled_columns(matrix: Any, factors: Array) -> sp.csr_array:
-    """Columns of a matrix times factors, likewise."""
-    scaled = sp.csr_array(matrix, copy=True)
-    scaled.data *= factors[scaled.indices]
-    scaled.eliminate_zeros()
-    return scaled
-
-
 def of_components(matrix: Any, count: int) -> sp.csr_array:
     """A matrix of nodes as one of vectors at them, which does the same to each of so many components."""
     rows = sp.csr_array(matrix)

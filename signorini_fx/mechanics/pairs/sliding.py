@@ -94,16 +94,15 @@ class SlidingCoupling:
     covered: float
     pieces: SlidingPieces = field(repr=False)
 
-    def slip(self, begun: Frames, slave: Array, master: Array) -> Array:
-        """How far the points have slid since a step has begun, along T_i, length, shape (n, d - 1): of points that had
-        no partner then with the nodes that they meet now; from the frames and the positions of both sides then.
+    def slip(self, begun: SlidingCoupling) -> Array:
+        """How far the points have slid since a step has begun with another map, along T_i, length, shape (n, d - 1): of
+        points that had no partner then with the nodes that they meet now.
         """
         tangents, ways = self.frames.tangents, []
-        for frames, old in ((begun, begun.tangents), (self.frames, tangents)):
-            then, now = frames.slave @ slave - frames.master @ master, frames.slave @ self.slave.x
-            now = now - frames.master @ self.master.x
+        for frames, old in ((begun.frames, begun.frames.tangents), (self.frames, tangents)):
+            then, now = (frames.slave @ at.slave.x - frames.master @ at.master.x for at in (begun, self))
             ways.append(np.einsum("ndk,nd->nk", tangents, now) - np.einsum("ndk,nd->nk", old, then))
-        return np.where(begun.partnered[:, None], ways[0], ways[1])
+        return np.where(begun.frames.partnered[:, None], ways[0], ways[1])
 
     def stiffness(self, pressure: Array, shear: Array) -> sp.csr_array:
         """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
