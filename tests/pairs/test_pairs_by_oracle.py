@@ -67,7 +67,7 @@ def differences(kind, seed, *, slides):
     if slides:
         slave, master = slave.displaced(moved[:count]), master.displaced(moved[count:])
         found = slide(slave, master, np.arange(count), 0.5)
-        shares = found.frames.slave, found.frames.master
+        shares = found.frames.both[:, :count], -found.frames.both[:, count:]
     else:
         found = couple(slave, master, reach=0.5)
         shares = found.slave, found.master

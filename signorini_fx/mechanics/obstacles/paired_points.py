@@ -29,13 +29,14 @@ from signorini_fx.mechanics.pairs.pair_side import (
     Lagrange,
     Overlap,
     PairSurface,
+    along_vectors,
     beside,
     of_blocks,
     of_components,
     turned_normals,
 )
 from signorini_fx.mechanics.pairs.search import default_reach
-from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, along_vectors, slide
+from signorini_fx.mechanics.pairs.sliding import SlidingCoupling, slide
 from signorini_fx.tuned import ASKEW_NORMAL, DIGITS_OF_FILES, ROOT_OF_EPS, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
@@ -338,7 +339,7 @@ class PairedSides:
         coupling, dim = self.coupling, self.sides.slave.surface.dimension
         relative = of_components(beside(coupling.slave, -coupling.master), dim)
         if not self.followed:
-            relative = relative + coupling.turning
+            relative = relative + sp.csr_array(coupling.turning)
         if self.across.any():
             relative = relative - of_blocks(self.across) @ relative
         return sp.csr_array(relative)
@@ -443,17 +444,14 @@ class MovingPair:
         across it.
         """
         sides, coupling, mine, normal = self.sides, self.coupling, self.mine, self.coupling.normal[self.mine]
-        dim = normal.shape[1]
-        rows_of_tangents = ((dim - 1) * mine[:, None] + np.arange(dim - 1)).ravel()
-        normal_rows, tangent_rows = coupling.normal_rows[mine], coupling.tangent_rows[rows_of_tangents]
-        moved = beside(coupling.frames.slave, -coupling.frames.master)[mine]
-        inward = along_vectors(normal[:, :, None]), along_vectors(self._sliding[mine])
-        along = inward[0].T @ normal_rows + inward[1].T @ tangent_rows
-        averages = Averages(
-            moved, sides.nodes, sides.x, sides.fixed, coupling.centre[mine], between=sp.csr_array(along)
-        )
-        translation = np.tile(np.eye(dim), (len(sides.slave.nodes), 1))  # of the slave alone
-        pushing = np.asarray(normal_rows[:, : len(translation)] @ translation)
+        dim, on_slave = normal.shape[1], sides.slave.surface.x.size
+        own = np.column_stack((mine, len(self.points) + (dim - 1) * mine[:, None] + np.arange(dim - 1))).ravel()
+        rows = sp.vstack((coupling.normal_rows, coupling.tangent_rows), format="csr")[own]
+        frames = np.concatenate((normal[:, None], self._sliding[mine].swapaxes(1, 2)), axis=1)
+        along, moved = along_vectors(frames, sp.bsr_array(rows, blocksize=(dim, dim))), coupling.frames.both[mine]
+        averages = Averages(moved, sides.nodes, sides.x, sides.fixed, coupling.centre[mine], between=along)
+        # Of translations of the slave alone.
+        pushing = np.asarray(coupling.normal_rows[:, :on_slave] @ np.tile(np.eye(dim), (on_slave // dim, 1)))[mine]
         points = sides.points_at(self.points[mine], coupling.weight[mine], normal, averages)
         partnered = coupling.frames.partnered
         counted = partnered | ~partnered.any()

@@ -34,7 +34,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import carried, constrained, dual_coefficients, extended
 from signorini_fx.mechanics.pairs.overlap import plane_overlap, space_overlap, turned
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, beside, turning_of, without_round_off
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, scaled_rows, turning_of, without_round_off
 from signorini_fx.mechanics.pairs.search import Parts, default_reach
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, NEGLIGIBLE, SAME_NUMBER
 
@@ -57,8 +57,9 @@ class Coupling:
         distance: d_i, length, shape (n, d).
         slave: D, sparse, shape (n, nodes of the slave).
         master: M, sparse, shape (n, nodes of the master).
+        mean: from moments of the functions of the nodes of the slave to means, sparse, shape (n, nodes of the slave).
         turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact omega_i(u_m) x d_i,
-            from the nodes of both sides, those of the slave first, sparse, shape (n d, d m).
+            from the nodes of both sides, those of the slave first, by blocks, sparse, shape (n d, d m).
         centre: where forces act: at the same place on both sides, length, shape (n, d).
         covered: area (in 2D: length) of the slave where both sides meet and one can move, times the measure, of all
             ranks.
@@ -71,7 +72,8 @@ class Coupling:
     distance: Array
     slave: sp.csr_array
     master: sp.csr_array
-    turning: sp.csr_array
+    mean: sp.csr_array
+    turning: sp.bsr_array
     centre: Array
     covered: float
     met: float
@@ -241,22 +243,23 @@ def couple(
 
 
 def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bool = False) -> Coupling:
-    """The map of both sides at nodes that take over such shares of functions."""
+    """The map of both sides at nodes that take over such shares of functions; zero at those that take none."""
     slave, master = tested.slave, tested.master
     weight = shares @ tested.areas
-    distance = shares @ tested.moments(tested.overlap.distance(slave, master)) / weight[:, None]
-    mean = sp.diags_array(1.0 / weight) @ shares
+    mean = scaled_rows(np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0), shares)
+    distance = mean @ tested.moments(tested.overlap.distance(slave, master))
     to_slave, to_master = (without_round_off(sp.csr_array(mean @ matrix)) for matrix in tested.products)
     half = 0.0 if nominal else 0.5
     turnings = [
-        turning_of(sp.csr_array(shares @ matrix), side.x, part * distance)
+        turning_of(sp.csr_array(mean @ matrix), side.x, part * distance)
         for matrix, side, part in zip(tested.arms, (slave, master), (half, 1.0 - half), strict=True)
     ]
     normal = slave.nodal_normals[nodes]
     if not nominal:
         normal = slave.in_planes(to_slave @ slave.directions - to_master @ master.directions, nodes)
     centre, covered = to_slave @ slave.x + half * distance, float(tested.area.sum())
-    return Coupling(nodes, weight, normal, distance, to_slave, to_master, beside(*turnings), centre, covered, covered)
+    turning = sp.bsr_array(sp.hstack(turnings, format="bsr"))
+    return Coupling(nodes, weight, normal, distance, to_slave, to_master, mean, turning, centre, covered, covered)
 
 
 def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:

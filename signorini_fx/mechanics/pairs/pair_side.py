@@ -314,14 +314,36 @@ def scaled_rows(factors: Array, matrix: Any) -> sp.csr_array:
     return scaled
 
 
-def of_components(matrix: Any, count: int) -> sp.csr_array:
+def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
     """A matrix of nodes as one of vectors at them, which does the same to each of so many components."""
-    rows = sp.csr_array(matrix)
-    blocks = rows.data[:, None, None] * np.eye(count)
-    shape = (count * rows.shape[0], count * rows.shape[1])
-    vectors = sp.csr_array(sp.bsr_array((blocks, rows.indices, rows.indptr), shape=shape))
+    shape = (count * matrix.shape[0], count * matrix.shape[1])
+    return sp.bsr_array((matrix.data[:, None, None] * np.eye(count), matrix.indices, matrix.indptr), shape=shape)
+
+
+def of_components(matrix: Any, count: int) -> sp.csr_array:
+    """The same without blocks."""
+    vectors = sp.csr_array(in_blocks(sp.csr_array(matrix), count))
     vectors.eliminate_zeros()
     return vectors
+
+
+def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
+    """What vectors at points with k others, one per column, shape (n, d, k), have of those that blocks make, which have
+    the shape (n d, d m): sparse, shape (n k, d m).
+    """
+    row = np.repeat(np.arange(len(vectors)), np.diff(blocks.indptr))
+    values = vectors.swapaxes(1, 2)[row] @ blocks.data
+    shape = (vectors.shape[0] * vectors.shape[2], blocks.shape[1])
+    rows = sp.csr_array(sp.bsr_array((values, blocks.indices, blocks.indptr), shape=shape))
+    rows.eliminate_zeros()
+    return rows
+
+
+def placed_rows(matrix: sp.csr_array, places: Indices, count: int) -> sp.csr_array:
+    """The rows at places, ascending, among so many."""
+    ends = np.zeros(count + 1, dtype=matrix.indptr.dtype)
+    ends[places + 1] = np.diff(matrix.indptr)
+    return sp.csr_array((matrix.data, matrix.indices, ends.cumsum()), shape=(count, matrix.shape[1]))
 
 
 def beside(left: Any, right: Any) -> sp.csr_array:
@@ -336,7 +358,7 @@ def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
     return matrix
 
 
-def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
+def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.bsr_array:
     """Omega_i(u) x d_i as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, nodes), ``distance``: d_i."""
     arms.sort_indices()
     count, dim = distance.shape
@@ -346,39 +368,42 @@ def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.csr_array:
     # The second time without the round-off of coordinates far from the origin, which is a motion of the middle.
     for _ in range(2):
         sums = np.stack([np.bincount(row, a * component, count) for component in r.T], axis=1)
-        r = r - (sums / total)[row]
+        r = r - sums[row] / total[row]
     r, d = (np.pad(vectors, ((0, 0), (0, 3 - dim))) for vectors in (r, d))
     inertia: Array = np.zeros((count, 3, 3))
     squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
     np.add.at(inertia, row, a[:, None, None] * squares)
     inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
     blocks = (-_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r)))[:, :dim, :dim]
-    matrix = sp.bsr_array((blocks, arms.indices, arms.indptr), shape=(count * dim, len(x) * dim))
-    return without_round_off(sp.csr_array(matrix))
+    blocks[np.abs(blocks) < ZERO_COMPONENT] = 0.0
+    return sp.bsr_array((blocks, arms.indices, arms.indptr), shape=(count * dim, len(x) * dim))
 
 
-def turned_normals(side: PairSurface) -> sp.csr_array:
-    """How displacements of the nodes of a side turn ``nodal_normals``, sparse, shape (d N, d N)."""
+def turned_normals(side: PairSurface, turned_too: Array | None = None) -> sp.csr_array:
+    """How displacements of the nodes of a side turn ``nodal_normals``, sparse, shape (d N, d N); ``turned_too``: what
+    makes these turns into those of other vectors, shape (N, d, d).
+    """
     functions, (count, dim) = side.functions, side.x.shape
     at, weights = functions.rule(2 * functions.degree + 2)
     tests, slopes = side.tests.values(at) * weights[:, None], functions.slopes(at)
-    along = slopes[:, None] @ side.corners
-    if dim == 2:  # a surface along the third axis
-        upright = np.broadcast_to([0.0, 0.0, 1.0], (*along.shape[:-1], 3))
-        along = np.concatenate((np.pad(along, [(0, 0)] * 3 + [(0, 1)]), upright))
-        slopes = np.concatenate((slopes, np.zeros_like(slopes)))
-    arms = slopes[1][None, :, :, None] * along[0][:, :, None] - slopes[0][None, :, :, None] * along[1][:, :, None]
-    vectors = np.einsum("qt,fqld->ftld", tests, arms, optimize=True) * side.sign[:, None, None, None]
-    turning = _crossing(vectors.reshape(-1, 3)).reshape(*vectors.shape, 3)[..., :dim, :dim]
-    rows = dim * side.points[:, :, None, None, None] + np.arange(dim)[:, None]
-    columns = dim * side.nodes[:, None, :, None, None] + np.arange(dim)
-    places = tuple(np.broadcast_to(numbers, turning.shape).ravel() for numbers in (rows, columns))
-    moments = sp.csr_array((turning.ravel(), places), shape=(dim * count, dim * count))
+    if dim == 2:
+        turning = (tests.T @ slopes[0])[None, :, :, None, None] * np.array([[0.0, 1.0], [-1.0, 0.0]])
+    else:
+        along = slopes[:, None] @ side.corners
+        arms = slopes[1][None, :, :, None] * along[0][:, :, None] - slopes[0][None, :, :, None] * along[1][:, :, None]
+        vectors = np.einsum("qt,fqld->ftld", tests, arms, optimize=True)
+        turning = _crossing(vectors.reshape(-1, 3)).reshape(*vectors.shape, 3)
     within, normals = np.eye(dim) - side.across, side.nodal_normals
     size = np.linalg.norm(np.einsum("nij,nj->ni", within, side.moments), axis=1)
     inverse = np.divide(1.0, size, out=np.zeros(count), where=size > 0)
     across = inverse[:, None, None] * (within - np.einsum("ni,nj->nij", normals, normals))
-    return sp.csr_array(of_blocks(across) @ moments)
+    if turned_too is not None:
+        across = turned_too @ across
+    values = across[side.points][:, :, None] @ (turning * side.sign[:, None, None, None, None])
+    rows = dim * side.points[:, :, None, None, None] + np.arange(dim)[:, None]
+    columns = dim * side.nodes[:, None, :, None, None] + np.arange(dim)
+    places = tuple(np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns))
+    return sp.csr_array((values.ravel(), places), shape=(dim * count, dim * count))
 
 
 def of_blocks(blocks: Array) -> sp.csr_array:

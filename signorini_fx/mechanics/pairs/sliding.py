@@ -31,9 +31,10 @@ from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
 from signorini_fx.mechanics.pairs.pair_side import (
     PairSurface,
+    along_vectors,
     beside,
-    of_blocks,
-    of_components,
+    in_blocks,
+    placed_rows,
     scaled_rows,
     turned_normals,
 )
@@ -48,14 +49,12 @@ class Frames:
     """Which nodes of both sides a point of the slave meets, and in which frame, n points.
 
     Attributes:
-        slave: D, sparse, shape (n, nodes of the slave).
-        master: M, sparse, shape (n, nodes of the master).
+        both: D and - M, nodes of the slave first, sparse, shape (n, m).
         tangents: T_i, orthonormal, one per column, shape (n, d, d - 1).
         partnered: whether the point sees the other side, shape (n,).
     """
 
-    slave: sp.csr_array
-    master: sp.csr_array
+    both: sp.csr_array
     tangents: Array
     partnered: npt.NDArray[np.bool_]
 
@@ -100,7 +99,7 @@ class SlidingCoupling:
         """
         tangents, ways = self.frames.tangents, []
         for frames, old in ((begun.frames, begun.frames.tangents), (self.frames, tangents)):
-            then, now = (frames.slave @ at.slave.x - frames.master @ at.master.x for at in (begun, self))
+            then, now = (frames.both @ np.concatenate((at.slave.x, at.master.x)) for at in (begun, self))
             ways.append(np.einsum("ndk,nd->nk", tangents, now) - np.einsum("ndk,nd->nk", old, then))
         return np.where(begun.frames.partnered[:, None], ways[0], ways[1])
 
@@ -125,14 +124,13 @@ class SlidingCoupling:
 
     def _turning(self) -> sp.csr_array:
         """What displacements of both sides turn n_i along T_i, sparse, shape (n (d - 1), d m)."""
-        slave, master, shares = self.slave, self.master, (self.frames.slave, self.frames.master)
-        size = np.linalg.norm(shares[0] @ slave.directions - shares[1] @ master.directions, axis=1)
-        parts = [
-            of_components(matrix, slave.dimension) @ turned_normals(side)
-            for matrix, side in ((shares[0], slave), (-shares[1], master))
-        ]
-        along = along_vectors(self.frames.tangents / size[:, None, None])
-        return sp.csr_array(along @ (sp.hstack(parts) - self.pieces.passing))
+        slave, master, frames = self.slave, self.master, self.frames
+        sums = frames.both @ np.concatenate((slave.directions, master.directions))
+        along = frames.tangents / np.linalg.norm(sums, axis=1)[:, None, None]
+        turns = along_vectors(along, in_blocks(frames.both, slave.dimension))
+        of_slave, of_master = turns[:, : slave.x.size], turns[:, slave.x.size :]
+        both = beside(of_slave @ turned_normals(slave), of_master @ turned_normals(master))
+        return sp.csr_array(both - self.pieces.passing(along))
 
 
 def slide(
@@ -149,40 +147,25 @@ def slide(
     assert directions is not None
     tested = whole.moving(bonded=False)
     nodes, shares = carried_evenly(slave, tested.covered, tested.areas, tested.movable)
-    found = coupled(tested, nodes, shares)
-    at = np.searchsorted(points, nodes)  # rows of points that have a partner
+    at, dim = np.searchsorted(points, nodes), slave.dimension
+    found = coupled(tested, points, placed_rows(shares, at, points.size))
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
-    count, dim = points.size, slave.dimension
-    unpaired = np.flatnonzero(~partnered)
-    at_nodes = np.ones(unpaired.size), (unpaired, points[unpaired])
-    itself = sp.csr_array(at_nodes, shape=(count, len(slave.x)))
-    placing = sp.eye_array(count, format="csc")[:, at]
-
-    weights = slave.area[points]
-    weights[at] = found.weight
-    sharing, opposite = sp.csr_array(placing @ found.slave + itself), sp.csr_array(placing @ found.master)
-    normals, centre = slave.in_planes(slave.directions[points], points), slave.x[points]
-    normals[at], centre[at] = found.normal, found.centre
-    tangents = tangents_of_points(slave, points, normals)
+    others = points[~partnered]
+    ends = np.cumsum(np.append(0, ~partnered))
+    itself = sp.csr_array((np.ones(others.size), others, ends), shape=(points.size, len(slave.x) + len(master.x)))
+    met = partnered[:, None]
+    weights = np.where(partnered, found.weight, slave.area[points])
+    normals = np.where(met, found.normal, slave.in_planes(slave.directions[points], points))
+    centre, tangents = np.where(met, found.centre, slave.x[points]), tangents_of_points(slave, points, normals)
+    both = beside(found.slave, -found.master) + itself
     # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
-    relative = of_components(beside(sharing, -opposite), dim) + of_components(placing, dim) @ found.turning
-    tangent_rows = sp.csr_array(along_vectors(tangents) @ relative)
-    normal_rows = along_vectors(np.where(partnered[:, None], 0.0, normals)[:, :, None]) @ relative
-    gap = np.full(count, reach)
-    mean = placing @ scaled_rows(np.asarray(1.0 / found.weight), shares)  # of moments of the functions
-    pieces = SlidingPieces.of(tested, directions, sp.csr_array(mean))
-    gap[at] = pieces.gap[at]
-    frames = Frames(sharing, opposite, tangents, partnered)
-    rows = sp.csr_array(normal_rows - pieces.rows), tangent_rows
+    tangent_rows = along_vectors(tangents, in_blocks(both, dim) + found.turning)
+    pieces = SlidingPieces.of(tested, directions, found.mean)
+    normal_rows = sp.csr_array(along_vectors(normals[:, :, None], in_blocks(itself, dim)) - pieces.rows)
+    gap = np.where(partnered, pieces.gap, reach)
+    frames, rows = Frames(both, tangents, partnered), (normal_rows, tangent_rows)
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, *rows, centre, found.covered, pieces)
-
-
-def along_vectors(vectors: Array) -> sp.csr_array:
-    """The matrix that multiplies vectors at points with k others, one per column, shape (n, d, k): sparse, shape
-    (n k, n d).
-    """
-    return of_blocks(vectors.transpose(0, 2, 1))
 
 
 def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:

@@ -30,7 +30,8 @@ from signorini_fx.mechanics.pairs.overlap import axes_across, clip, counterclock
 from signorini_fx.mechanics.pairs.pair_side import (
     Lagrange,
     PairSurface,
-    beside,
+    along_vectors,
+    in_blocks,
     of_blocks,
     of_components,
     turned_normals,
@@ -92,8 +93,10 @@ class SlidingPieces:
         slave, master, overlap = tested.slave, tested.master, tested.overlap
         dim, first = slave.dimension, len(slave.x)
         projection, total = Projection.of(slave, directions), first + len(master.x)
-        turning = beside(projection.turning, sp.csr_array((projection.turning.shape[0], dim * len(master.x))))
-        spread = sp.csr_array(sp.vstack((sp.eye_array(dim * total), turning)))
+        turning, themselves = projection.turning, np.arange(dim * total)
+        entries = np.append(np.ones(themselves.size), turning.data), np.append(themselves, turning.indices)
+        ends = np.append(themselves, themselves.size + turning.indptr)
+        spread = sp.csr_array((*entries, ends), shape=(ends.size - 1, themselves.size))
         seen, over = slave.nodes[overlap.slave], master.nodes[overlap.master]
         blocks = np.column_stack((seen, first + over, total + projection.numbers[overlap.slave]))
         way, turns = projection.at(overlap.slave, overlap.at)
@@ -121,21 +124,19 @@ class SlidingPieces:
     def rows(self) -> sp.csr_array:
         """Of the derivative of the gap, sparse, shape (n, d m)."""
         entries = np.matmul(self.weighted.swapaxes(1, 2), self._rows(self.share, self.facing, self.across))
-        return self._at_points(entries)
+        return self._at_points(self.mean, entries, self.points)
 
-    @property
-    def passing(self) -> sp.csr_array:
-        """What the places that shift change of the normal of the master, at the points, sparse, shape (d n, d m)."""
-        components = []
-        for normal in np.moveaxis(self.bend, 2, 0):
-            total = np.zeros((*self.points.shape, self.facing.shape[2] * self.blocks.shape[1]))
-            for k, slope in enumerate(self.slope):
-                bend = np.einsum("pql,pl->pq", slope, normal)[..., None]
-                rows = self._rows(self.share, self.dual[k], self.dual[k])
-                total -= np.matmul((self.weighted * bend).swapaxes(1, 2), rows)
-            components.append(self._at_points(total))
-        rows = np.arange(len(components) * components[0].shape[0]).reshape(len(components), -1)
-        return sp.csr_array(sp.csr_array(sp.vstack(components))[rows.T.ravel()])
+    def passing(self, along: Array) -> sp.csr_array:
+        """What the places that shift change of the normal of the master along vectors at the points, shape (n, d, k),
+        sparse, shape (n k, d m).
+        """
+        total, dim = np.zeros(1), self.facing.shape[2]
+        for slope, dual in zip(self.slope, self.dual, strict=True):
+            bent = self.weighted[..., None] * (slope @ self.bend)[:, :, None]
+            bent = bent.reshape(*bent.shape[:2], -1).swapaxes(1, 2)
+            total = total - np.matmul(bent, self._rows(self.share, dual, dual))
+        components = (dim * self.points[..., None] + np.arange(dim)).reshape(len(total), -1)
+        return self._at_points(along_vectors(along, in_blocks(self.mean, dim)), total, components)
 
     def stiffness(self, pressing: Array) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (d m, d m)."""
@@ -147,13 +148,17 @@ class SlidingPieces:
         for first in range(0, touched.size, _AT_ONCE):
             chosen = touched[first : first + _AT_ONCE]
             values[first : first + chosen.size] = self._second(chosen, forces[chosen])
-        at = (dim * self.blocks[touched][..., None] + np.arange(dim)).reshape(touched.size, size)
-        rows, columns = np.repeat(at, size, axis=1), np.tile(at, (1, size))
-        count = self.spread.shape[0]
-        joint = sp.csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count))
-        passing = self.kinks.passing(count) @ self.spread
-        jumps = passing.T @ sp.diags_array(self.kinks.functions.T @ nodal) @ passing
-        return sp.csr_array(self.spread.T @ joint @ self.spread - jumps)
+        kinks = self.kinks
+        passing = (kinks.share[..., None] * kinks.across[:, None]).reshape(len(kinks.share), dim * kinks.share.shape[1])
+        jumps = -np.einsum("vt,vt->v", kinks.functions, nodal[kinks.points])
+        jumping, parts = np.einsum("v,vi,vj->vij", jumps, passing, passing), list[tuple[Array, Indices, Indices]]()
+        for products, blocks in ((values, self.blocks[touched]), (jumping, kinks.blocks)):
+            at = (dim * blocks[..., None] + np.arange(dim)).reshape(len(blocks), products.shape[1])
+            rows, columns = (np.broadcast_to(places, products.shape) for places in (at[:, :, None], at[:, None]))
+            parts.append((products.ravel(), rows.ravel(), columns.ravel()))
+        entries, rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
+        joint = sp.csr_array((entries, (rows, columns)), shape=(self.spread.shape[0],) * 2)
+        return sp.csr_array(self.spread.T @ joint @ self.spread)
 
     def _second(self, pieces: Indices, forces: Array) -> Array:
         """The products of some pieces, shape (k, d c, d c)."""
@@ -179,14 +184,13 @@ class SlidingPieces:
         parts = factor[..., :count, None] * vectors[:, :, None], factor[..., count:, None] * across[:, :, None]
         return np.concatenate(parts, axis=2).reshape(*factor.shape[:2], factor.shape[2] * vectors.shape[2])
 
-    def _at_points(self, entries: Array) -> sp.csr_array:
-        """The matrix of moments of the functions, shape (p, t, d c), at the points, of displacements."""
+    def _at_points(self, mean: sp.csr_array, entries: Array, rows: Indices) -> sp.csr_array:
+        """The matrix of displacements at the points with these means of moments, shape (p, i, d c), in such rows."""
         dim = self.facing.shape[2]
         components = (dim * self.blocks[..., None] + np.arange(dim)).reshape(len(entries), 1, entries.shape[2])
-        rows, columns = (np.broadcast_to(at, entries.shape).ravel() for at in (self.points[:, :, None], components))
-        shape = (self.mean.shape[1], self.spread.shape[0])
-        moments = sp.csr_array((entries.ravel(), (rows, columns)), shape=shape)
-        return sp.csr_array(self.mean @ moments @ self.spread)
+        places = tuple(np.broadcast_to(at, entries.shape).ravel() for at in (rows[:, :, None], components))
+        moments = sp.csr_array((entries.ravel(), places), shape=(mean.shape[1], self.spread.shape[0]))
+        return sp.csr_array(mean @ moments @ self.spread)
 
 
 @dataclass(frozen=True)
@@ -212,8 +216,8 @@ class Projection:
     def of(cls, slave: PairSurface, directions: Array) -> Projection:
         """From those at the nodes of the slave, of length one, shape (N, d)."""
         if slave.dimension == 2:
-            turns = of_blocks(np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals)))
-            return cls(directions, slave.nodes, slave.functions, sp.csr_array(turns @ turned_normals(slave)))
+            turns = np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals))
+            return cls(directions, slave.nodes, slave.functions, turned_normals(slave, turns))
         facets, shape = len(slave.nodes), slave.functions.values(slave.functions.parts[0].mean(axis=0))
         sums = np.einsum("k,fkd->fd", shape, directions[slave.nodes])
         length = np.linalg.norm(sums, axis=1)
@@ -241,13 +245,15 @@ class Kinks:
     There the derivative of the distance jumps as they pass by.
 
     Attributes:
-        functions: of the nodes of the slave there, times lengths and the jump, sparse, shape (N, v).
+        points: nodes of the slave whose functions are there, shape (v, t).
+        functions: these there, times lengths and the jump, shape (v, t).
         blocks: the vectors that they pass by with, numbered as those of ``SlidingPieces``, shape (v, c).
         share: of these, shape (v, c).
         across: the direction in which they pass by, of length one, shape (v, d).
     """
 
-    functions: sp.csr_array
+    points: Indices
+    functions: Array
     blocks: Indices
     share: Array
     across: Array
@@ -291,20 +297,10 @@ class Kinks:
         true = slave.sizes(facet, at[:, None])[:, 0]
         functions = np.einsum("vij,vj->vi", tested.coefficients[facet], slave.tests.values(at))
         functions *= (jump * lengths * true / np.abs(projected))[:, None]
-        numbers = np.broadcast_to(np.arange(len(at))[:, None], functions.shape)
-        entries = functions.ravel(), (slave.points[facet].ravel(), numbers.ravel())
         turned = count + len(master.x) + projection.numbers[facet]
         blocks = np.column_stack((slave.nodes[facet], count + ends, turned))
         share = np.column_stack((-shape, of_end, -distance[:, None] * turns))
-        return cls(sp.csr_array(entries, shape=(count, len(at))), blocks, share, across)
-
-    def passing(self, count: int) -> sp.csr_array:
-        """How far they pass by, (d_m - d_s - g dN) . n, of so many components of vectors, sparse, shape (v, count)."""
-        values = self.share[..., None] * self.across[:, None]
-        dim = self.across.shape[1]
-        columns = dim * self.blocks[..., None] + np.arange(dim)
-        rows = np.broadcast_to(np.arange(len(values))[:, None, None], values.shape)
-        return sp.csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(len(values), count))
+        return cls(slave.points[facet], functions, blocks, share, across)
 
 
 def _turned(vectors: Array) -> Array:

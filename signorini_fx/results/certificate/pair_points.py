@@ -42,8 +42,9 @@ class PairPoints:
         """Those of a pair where it is now."""
         if isinstance(pair, PairedSides):
             return cls(pair.sides, pair.coupling.slave, pair.coupling.master, pair.across, kept=pair)
-        frames, mine = pair.coupling.frames, pair.mine
-        return cls(pair.sides, frames.slave[mine], frames.master[mine], pair.across[mine], moving=copy(pair))
+        mine, on_slave = pair.mine, pair.sides.slave.nodes.size
+        both = pair.coupling.frames.both[mine]
+        return cls(pair.sides, both[:, :on_slave], -both[:, on_slave:], pair.across[mine], moving=copy(pair))
 
     @property
     def displaced(self) -> bool:
