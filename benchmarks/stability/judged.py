@@ -130,7 +130,7 @@ def deck(own: dict[str, Any]) -> str:
 
 def spoiled(said: str, rng: Any, problem: Any, v: Any) -> tuple[Any, list[int]]:
     """Displacements that are changed, and the numbers of the nodes where they are."""
-    from signorini_fx.addons.judging.solution_on_mesh import SolutionOnMesh
+    from signorini_fx.addons.judging.judged_problem import SolutionOnMesh
 
     ours, v = SolutionOnMesh.of(problem, problem.arrays), v.copy()
     if said == "turned round":  # forces of friction have the other sign, and what presses does not enter

@@ -13,8 +13,7 @@ import signorini_fx as sfx
 from signorini_fx import MeshError
 from signorini_fx.addons.judging.foreign_result import read_dat
 from signorini_fx.addons.judging.judge import AGREES, ANOTHER, NOT_TOLD, VIOLATES, judge
-from signorini_fx.addons.judging.judged_problem import judged_problem
-from signorini_fx.addons.judging.solution_on_mesh import SolutionOnMesh
+from signorini_fx.addons.judging.judged_problem import SolutionOnMesh, judged_problem
 from signorini_fx.scenes import cli
 
 DATA = Path(__file__).parent / "data"

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from signorini_fx.addons.judging.solution_on_mesh import NotJudgedError, SolutionOnMesh
+from signorini_fx.addons.judging.judged_problem import Floats, NotJudgedError, SolutionOnMesh
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.laws.coulomb import NoFriction
-from signorini_fx.mechanics.mesh.files.cells import Floats
 from signorini_fx.mechanics.statement.effect import Load
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.scenes.scene import Scene

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from signorini_fx.addons.judging.judged_problem import JudgedProblem
+from signorini_fx.addons.judging.judged_problem import Floats, Ints, JudgedProblem
 from signorini_fx.errors import MeshError
 from signorini_fx.mechanics.mesh.files.arrays import Numbering, plain
-from signorini_fx.mechanics.mesh.files.cells import Floats, Ints
 from signorini_fx.tuned import DIGITS_OF_FILES, JUDGED_SAME_PLACE
 
 # Fortran writes D for E, and leaves out the letter before an exponent of three digits.

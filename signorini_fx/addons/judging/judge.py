@@ -16,9 +16,13 @@ import numpy as np
 
 from signorini_fx.addons.judging.alternatives import nearest_alternative
 from signorini_fx.addons.judging.foreign_result import ForeignResult, read_result
-from signorini_fx.addons.judging.judged_problem import JudgedProblem, judged_problem
-from signorini_fx.addons.judging.solution_on_mesh import NotJudgedError, SolutionOnMesh
-from signorini_fx.mechanics.mesh.files.cells import Floats
+from signorini_fx.addons.judging.judged_problem import (
+    Floats,
+    JudgedProblem,
+    NotJudgedError,
+    SolutionOnMesh,
+    judged_problem,
+)
 from signorini_fx.mechanics.mesh.halving import halved
 from signorini_fx.results.files import for_json
 from signorini_fx.tuned import (

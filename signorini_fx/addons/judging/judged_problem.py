@@ -1,22 +1,39 @@
-"""The problem that a result is judged against: a scene on a mesh whose nodes have the numbers of the result."""
+"""The problem that a result is judged against, on a mesh whose nodes have the numbers of the result; our solution of it on
+one mesh, and what another displacement of that mesh is beside it.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import mpi4py.MPI  # noqa: F401  # first: PETSc and dolfinx from PyPI find the library of MPI where it is loaded
 import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+from dolfinx import fem
 from mpi4py import MPI
+from scipy.sparse.linalg import lsqr, splu
 
 from signorini_fx.addons.decks.draft import draft
+from signorini_fx.machine import compat
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays
-from signorini_fx.mechanics.mesh.files.cells import Floats, Ints
-from signorini_fx.mechanics.mesh.halving import quadratic
-from signorini_fx.mechanics.mesh.tagged import arrays_of, check_fits
+from signorini_fx.mechanics.mesh.halving import halved, quadratic
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, arrays_of, check_fits, from_arrays
+from signorini_fx.mechanics.model import sum_of
+from signorini_fx.results.certificate.certificate import Certificate
+from signorini_fx.results.certificate.law_of_method import PreviousStep, Tractions
+from signorini_fx.results.solution import Solution
 from signorini_fx.scenes.mesh import load_mesh
 from signorini_fx.scenes.reading import as_scene, parse_scene_text
 from signorini_fx.scenes.scene import Scene
+from signorini_fx.scenes.solver import solve
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -76,3 +93,178 @@ def _of_deck(file: Path) -> JudgedProblem:
     drafted = draft(file, file)
     scene, deck = parse_scene_text(drafted.text, file), drafted.deck
     return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period)
+
+
+# --- our solution ----------------------------------------------------------------------------------------------------
+
+
+class NotJudgedError(Exception):
+    """Why a result cannot be judged."""
+
+
+@dataclass(frozen=True)
+class SolutionOnMesh:
+    """Our solution on a mesh.  Displacements have the order of its nodes, shape (n, d)."""
+
+    problem: JudgedProblem
+    arrays: MeshArrays
+    mesh: TaggedMesh  # the same for the solver
+    solution: Solution
+    block: Ints  # of each node, the number of its unknowns, shape (n,)
+
+    @classmethod
+    def of(cls, problem: JudgedProblem, arrays: MeshArrays) -> SolutionOnMesh:
+        """That on a mesh in arrays."""
+        mesh = from_arrays(MPI.COMM_SELF, lambda: arrays)
+        solution = _solved(problem, mesh)
+        space = solution.displacement.function_space
+        block = np.empty(len(arrays.points), dtype=np.int64)
+        numbers = np.asarray(space.mesh.geometry.input_global_indices)[compat.geometry_cells(space.mesh)]
+        block[numbers.ravel()] = space.dofmap.list.ravel()
+        return cls(problem, arrays, mesh, solution, block)
+
+    def on_finer(self, u: Floats) -> Floats:
+        """The same displacement at the nodes of the mesh with all sides halved."""
+        # What is done to positions, which the shape functions of the cells interpolate, is done to displacements, too.
+        return halved(replace(self.arrays, points=u)).points
+
+    def with_entries(self, entries: Mapping[str, Any]) -> Floats:
+        """The displacement that solves the problem with other entries of its scene."""
+        return self._at_nodes(_solved(self.problem, self.mesh, **entries).displacement)
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Ours."""
+        return self._at_nodes(self.solution.displacement)
+
+    @cached_property
+    def steps(self) -> list[Floats]:
+        """Ours at the ends of the load steps before the last one."""
+        return [self._at_nodes(step.displacement) for step in self.solution.shown_steps[:-1]]
+
+    def _at_nodes(self, u: fem.Function) -> Floats:
+        return np.asarray(u.x.array.reshape(-1, self.arrays.dim)[self.block], dtype=np.float64)
+
+    @cached_property
+    def unknowns(self) -> Ints:
+        """The unknowns of the nodes, shape (n, d)."""
+        return self.arrays.dim * self.block[:, None] + np.arange(self.arrays.dim)
+
+    @cached_property
+    def stiffness(self) -> sp.csr_array:
+        """Of the components of the nodes, force per length, shape (n d, n d)."""
+        model = self.solution.model
+        matrix = sum_of(model.forms, [])
+        if model.beside is not None:
+            model.beside.add_to(matrix)
+        starts, columns, values = matrix.getValuesCSR()
+        of_unknowns = sp.csr_array((values, columns, starts), shape=matrix.getSize())
+        order = self.unknowns.ravel()
+        return sp.csr_array(of_unknowns[order][:, order])
+
+    def product(self, a: Floats, b: Floats) -> float:
+        """a(., .) of two displacements, energy."""
+        return float(a.ravel() @ (self.stiffness @ b.ravel()))
+
+    def norm(self, u: Floats) -> float:
+        """The energy norm of a displacement."""
+        return float(np.sqrt(max(self.product(u, u), 0.0)))
+
+    def round_off(self, half_unit: float) -> float:
+        """The energy norm that the last printed digits of a displacement have, each of them at random."""
+        return half_unit * float(np.sqrt(self.stiffness.diagonal()[: self.problem.points.size].sum() / 3))
+
+    def completed(self, v: Floats) -> Floats:
+        """A displacement of some nodes, the others NaN, with the least distance to ours that others permit."""
+        v = np.where(self.held & np.isnan(v), self.displacement, v)
+        missing = np.isnan(v).ravel()
+        if not missing.any():
+            return v
+        difference = np.where(missing, 0.0, (v - self.displacement).ravel())
+        within = sp.csc_array(self.stiffness[missing][:, missing])
+        difference[missing] = splu(within).solve(-(self.stiffness @ difference)[missing])
+        return np.asarray(np.where(np.isnan(v), self.displacement + difference.reshape(v.shape), v))
+
+    @cached_property
+    def held(self) -> npt.NDArray[np.bool_]:
+        """Which components supports prescribe, shape (n, d)."""
+        return np.asarray(self.solution.model.fixed.reshape(-1, self.arrays.dim)[self.block], dtype=np.bool_)
+
+    @cached_property
+    def points_of_contact(self) -> sp.csr_array:
+        """From displacements of the nodes to relative ones at the contact points, shape (points d, n d)."""
+        if self.solution.contact is None:
+            return sp.csr_array((0, self.unknowns.size))
+        averages, dim = self.solution.contact.boundary.averages, self.arrays.dim
+        columns = (dim * averages.nodes[:, None] + np.arange(dim)).ravel()
+        of_unknowns = sp.csr_array(averages.operator @ sp.eye_array(self.unknowns.size, format="csr")[columns])
+        return of_unknowns[:, self.unknowns.ravel()]
+
+    def tractions(self, v: Floats) -> tuple[Tractions | None, Floats]:
+        """Of a displacement the tractions at the contact points, None without any, and the forces at nodes that they
+        leave unbalanced, shape (n, d).
+        """
+        left = -(self.stiffness @ (v - self.displacement).ravel())
+        state, free, tractions = self.solution.contact, ~self.held.ravel(), None
+        if state is not None:
+            boundary, ours = state.boundary, Tractions.of(state)
+            spread = sp.csr_array(self.points_of_contact.T @ sp.diags_array(np.repeat(boundary.weight, v.shape[1])))
+            change = lsqr(spread[free], left[free], atol=0.0, btol=1e-14)[0]
+            left = left - spread @ change
+            change = change.reshape(-1, v.shape[1])
+            pressure = np.einsum("nd,nd->n", change, boundary.normal)
+            shear = change - pressure[:, None] * boundary.normal
+            tractions = replace(ours, pressure=ours.pressure + pressure, shear=ours.shear + shear)
+        return tractions, np.where(self.held, 0.0, left.reshape(v.shape))
+
+    def unbalanced(self, left: Floats) -> tuple[float, int]:
+        """How far a displacement that leaves forces at nodes unbalanced, shape (n, d), is from equilibrium in the
+        energy norm where nothing touches, and the worst node.
+        """
+        inside = ~self.held.ravel()
+        inside[self.points_of_contact.nonzero()[1]] = False
+        rows = np.flatnonzero(inside)
+        within = self.stiffness[rows][:, rows]
+        # Bodies that nothing holds would make it singular.
+        shifted = within + sp.diags_array(np.full(rows.size, np.finfo(float).eps * abs(within.diagonal()).max()))
+        correction = splu(sp.csc_array(shifted)).solve(left.ravel()[rows])
+        works = np.abs(left.ravel()[rows] * correction)
+        return float(np.sqrt(works.sum())), int(np.bincount(rows // left.shape[1], works).argmax())
+
+    def moved_alone(self, v: Floats, enough: float) -> list[int]:
+        """One node or two without which another displacement is at most so far from ours; none: there are not."""
+        dim, nodes, numbers = v.shape[1], list[int](), np.arange(len(v))[:, None]
+        own = np.array([[self.stiffness[a::dim, b::dim].diagonal() for b in range(dim)] for a in range(dim)]).T
+        while len(nodes) < 2:
+            forces = (self.stiffness @ (v - self.displacement).ravel()).reshape(v.shape)
+            gained = np.where(self.held, 0.0, forces * np.linalg.solve(own, forces[..., None])[..., 0]).sum(axis=1)
+            nodes.append(int(gained[: len(self.problem.names)].argmax()))
+            v = self.completed(np.where(np.isin(numbers, nodes) | (numbers >= len(self.problem.names)), np.nan, v))
+            if self.norm(v - self.displacement) <= enough:
+                return nodes
+        return []
+
+    def certificate(self, v: Floats, tractions: Tractions) -> Certificate:
+        """The certificate of a displacement of the last load step with tractions at the contact points."""
+        solution, u = self.solution, fem.Function(self.solution.displacement.function_space)
+        u.x.array[self.unknowns] = v
+        steps, law = solution.shown_steps, solution.certificate.law
+        last = None
+        if len(steps) > 1 and steps[-2].contact is not None:
+            last = PreviousStep.of(steps[-2].displacement, Tractions.of(steps[-2].contact), law, None)
+        return solution.model.certified(u, tractions, law=law, step=steps[-1].place, last=last, rigid=())
+
+    def force(self, tractions: Tractions | None = None) -> float:
+        """The sum of what presses at the contact points, of ours without tractions, force."""
+        contact = self.solution.contact
+        assert contact is not None
+        return float(contact.boundary.weight @ (tractions or Tractions.of(contact)).pressure)
+
+
+def _solved(problem: JudgedProblem, mesh: TaggedMesh, **entries: Any) -> Solution:
+    """The solution on a mesh with other entries of the scene."""
+    scene = problem.scene.remade(mesh=mesh, body=(), accuracy=None, **entries)
+    solution = solve(scene, MPI.COMM_SELF, check=False)
+    if not solution.converged:
+        raise NotJudgedError(f"our own solve of the problem ended as {solution.status.value}")
+    return solution
