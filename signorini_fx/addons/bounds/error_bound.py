@@ -29,8 +29,7 @@ from signorini_fx.addons.bounds.equilibrated_stress import EquilibratedStress, e
 from signorini_fx.addons.bounds.johnson_mercier import energy, from_strain, square
 from signorini_fx.addons.bounds.liftings import Liftings, lifted_forces
 from signorini_fx.addons.bounds.linear_displacement import free_motions
-from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem
-from signorini_fx.addons.bounds.scene_arrays import Rows, on_first_rank
+from signorini_fx.addons.bounds.plain_problem import FacetsInContact, PlainProblem, Rows, on_first_rank
 from signorini_fx.addons.bounds.simplices import EPS, Array, closest_linear, with_hats
 from signorini_fx.algebra.contact.points import pushed
 from signorini_fx.machine import parallel

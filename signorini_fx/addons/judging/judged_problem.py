@@ -1,5 +1,5 @@
-"""The problem that a result is judged against, on a mesh whose nodes have the numbers of the result; our solution of it on
-one mesh, and what another displacement of that mesh is beside it.
+"""The problem that a result is judged against, on a mesh whose nodes have the numbers of the result; our solution of it
+on one mesh, and what another displacement of that mesh is beside it.
 """
 
 from __future__ import annotations
