@@ -27,7 +27,6 @@ from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.records import Finding, History, Timings
 from signorini_fx.results.accuracy.next_accuracy import between, next_refinement
 from signorini_fx.scenes.mesh import coarser_scenes, load_mesh, scene_on
-from signorini_fx.scenes.plan import planned
 from signorini_fx.scenes.scene import Scene
 from signorini_fx.solving.findings import nonlinear_findings, refuse_beforehand, scene_findings
 from signorini_fx.solving.uniqueness import uniqueness_findings
@@ -175,6 +174,8 @@ def _validated(scene: Scene, comm: MPI.Comm) -> Model:
     """The body of a scene with the cells and elements that its solve takes, after all checks of the solver."""
     first = scene
     if scene.accuracy is not None:
+        from signorini_fx.scenes.mesh_sequence import planned
+
         first = planned(scene, scene.accuracy, comm).scene
         # Generated meshes are coarser ones to begin with.
         first = scene_on(first, 1.0) if first.statement.generated else first

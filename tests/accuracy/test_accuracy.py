@@ -20,8 +20,7 @@ from signorini_fx.records import History, IterationRecord, Status
 from signorini_fx.results.accuracy.convergence_table import predict
 from signorini_fx.results.summary import lines_of, summary_of
 from signorini_fx.scenes.checks import check_scene
-from signorini_fx.scenes.mesh_sequence import meshes_of
-from signorini_fx.scenes.plan import planned
+from signorini_fx.scenes.mesh_sequence import meshes_of, planned
 from signorini_fx.scenes.reading import parse_scene, read_scene
 from signorini_fx.scenes.solver import solve
 from signorini_fx.solving import to_accuracy
