@@ -12,7 +12,6 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.errors import MeshError, SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import assemble, compile_form, measure
@@ -28,7 +27,7 @@ Array = npt.NDArray[np.float64]
 class Functional:
     """A scalar result J(y, lambda, mu)."""
 
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array) -> float:
         """J; collective."""
         raise NotImplementedError
 
@@ -36,7 +35,7 @@ class Functional:
         """J_y at the owned dofs; None: it does not depend on the displacement; collective."""
         return None
 
-    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+    def by_traction(self, boundary: ContactBoundary, pressure: Array, shear: Array) -> Array:
         """Derivative by (lambda, mu) at each point over its weight, shape (n, d); collective."""
         return np.zeros((pressure.size, 1 + shear.shape[1]))
 
@@ -62,7 +61,7 @@ class OfDisplacement(Functional):
 
     row: Array  # its coefficients at the owned dofs
 
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array) -> float:
         return float(parallel.global_sum(boundary.comm, self.row @ y.x.array[: self.row.size]))
 
     def by_displacement(self, y: fem.Function) -> Array | None:
@@ -91,11 +90,11 @@ class ContactForce(Functional):
             directions[on_part] = np.cross(np.eye(3)[self.component], arm)
         return directions
 
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array) -> float:
         force = -(boundary.nodal_forces(pressure, shear) * self.directions(boundary)).sum()
         return float(parallel.global_sum(boundary.comm, np.array(force)))
 
-    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+    def by_traction(self, boundary: ContactBoundary, pressure: Array, shear: Array) -> Array:
         return -np.einsum("nij,ni->nj", boundary.frames, self.directions(boundary))
 
 
@@ -109,10 +108,10 @@ class LargestPressure(Functional):
     part: int  # number of the contact
     power: float  # p
 
-    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> float:
+    def value(self, y: fem.Function, boundary: ContactBoundary, pressure: Array, shear: Array) -> float:
         return self._norm(boundary, pressure)
 
-    def _norm(self, boundary: ContactBoundary, pressure: Nodal) -> float:
+    def _norm(self, boundary: ContactBoundary, pressure: Array) -> float:
         on_part = boundary.part == self.part
         pushing = np.where(on_part, np.maximum(pressure, 0.0), 0.0)
         largest = parallel.largest(boundary.comm, pushing)
@@ -122,7 +121,7 @@ class LargestPressure(Functional):
         power, area = parallel.global_sum(boundary.comm, sums)
         return float(largest * (power / area) ** (1 / self.power))
 
-    def by_traction(self, boundary: ContactBoundary, pressure: Nodal, shear: Nodal) -> Nodal:
+    def by_traction(self, boundary: ContactBoundary, pressure: Array, shear: Array) -> Array:
         slopes = np.zeros((pressure.size, 1 + shear.shape[1]))
         on_part = boundary.part == self.part
         value = self._norm(boundary, pressure)

@@ -13,7 +13,6 @@ from mpi4py import MPI
 
 from signorini_fx.algebra.contact.friction import as_given
 from signorini_fx.algebra.contact.motions import total_work
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.statics import largest_multiple, reactions
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
@@ -121,7 +120,7 @@ def friction_used(model: Model, contact: ContactState, step: float) -> float | N
     return max(shares, default=None)
 
 
-def load_on(model: Model, step: float) -> Nodal:
+def load_on(model: Model, step: float) -> Array:
     """The work of the loads of a load step on the free motions, shape (k,); collective."""
     motions = model.motions
     loads = [

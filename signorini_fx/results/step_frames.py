@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
@@ -13,7 +14,6 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.motions import ReferenceMotion
-from signorini_fx.algebra.contact.nodal_vectors import Nodal as Array
 from signorini_fx.algebra.contact.nodal_vectors import length, unit
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
@@ -23,6 +23,8 @@ from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
 from signorini_fx.results.certificate.law_of_method import Law, PreviousStep, Tractions
 from signorini_fx.tuned import ROOT_OF_EPS
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
 from signorini_fx.algebra.algorithms.strategy import solve_task
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.effects.loads import Preload
 from signorini_fx.records import Finding, Status
 from signorini_fx.results.contact_figures import section_forces
@@ -96,7 +96,7 @@ def shortenings(model: SolidBody, step: float) -> list[float]:
     return [model.applied[k].factor(step) for k in _tightened(model, step)]
 
 
-def with_shortenings(model: SolidBody, step: float, lengths: Sequence[float] | Nodal) -> SolidBody:
+def with_shortenings(model: SolidBody, step: float, lengths: Sequence[float] | npt.NDArray[np.float64]) -> SolidBody:
     """The same with shortenings that were found at a place; nothing is assembled again."""
     shortened = zip(_tightened(model, step).values(), lengths, strict=True)
     tight = {id(entry): entry.tightened(step, float(s)) for entry, s in shortened}

@@ -18,13 +18,14 @@ from scipy.optimize import minimize
 from scipy.sparse import csr_array
 
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg.blocks import by_entries
 from signorini_fx.algebra.linalg.schur import SchurComplement
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.records import Finding
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, NOTHING_LEFT
+
+Array = npt.NDArray[np.float64]
 
 # How often the largest eigenvalue is evaluated.
 _EVALUATIONS = 60
@@ -55,7 +56,7 @@ def uniqueness_findings(model: Model) -> list[Finding]:
     return [Finding("note", "contact", f"{sentence}{assumed}")]
 
 
-def _contact_stiffness(model: Model) -> tuple[Nodal, Nodal] | str:
+def _contact_stiffness(model: Model) -> tuple[Array, Array] | str:
     """The stiffness and the contact map for ``proved_multiple``; or why there is no proof."""
     law, load_step = model.law, model.statement.steps - 1
     assert law is not None
@@ -85,7 +86,7 @@ def _contact_stiffness(model: Model) -> tuple[Nodal, Nodal] | str:
     return condensed, operator[:, free]
 
 
-def proved_multiple(stiffness: Nodal, operator: Nodal, law: PointFriction) -> tuple[float, str]:
+def proved_multiple(stiffness: Array, operator: Array, law: PointFriction) -> tuple[float, str]:
     """The multiple of the friction coefficients below which a problem is proved to have one solution, infinite where
     friction has no part in it, and why it is zero; ``stiffness``: of some unknowns without the prescribed ones, the
     others eliminated, shape (u, u); ``operator``: B on these, rows (n, T) of each point.
@@ -114,7 +115,7 @@ def proved_multiple(stiffness: Nodal, operator: Nodal, law: PointFriction) -> tu
     return _critical((condensed + condensed.T) / 2, normal, beside, sizes)
 
 
-def _critical(stiffness: Nodal, normal: int, beside: npt.NDArray[np.int64], sizes: Nodal) -> tuple[float, str]:
+def _critical(stiffness: Array, normal: int, beside: npt.NDArray[np.int64], sizes: Array) -> tuple[float, str]:
     """The same of normal components, then tangential ones, with the place of the normal one of each."""
     # In units of the stiffness, so that nodal compliance is of order one.
     stiffness = np.asarray(stiffness / np.abs(stiffness).max(), dtype=np.float64)
@@ -134,7 +135,7 @@ def _critical(stiffness: Nodal, normal: int, beside: npt.NDArray[np.int64], size
     slid = basis[normal:].T @ ((sizes / ratios)[:, None] * basis[normal:]) / 2
     last = values.size - 1
 
-    def largest(exponents: Nodal) -> float:
+    def largest(exponents: Array) -> float:
         """The logarithm of the largest eigenvalue; infinite: these weights prove nothing."""
         nu, d = np.exp(exponents)
         matrices = d * pressed + slid / d, nu * pressing + sliding

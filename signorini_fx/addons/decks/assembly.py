@@ -12,9 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from signorini_fx.addons.decks.text import DeckBlock, DeckError, coordinates, real, real_or_none
+from signorini_fx.addons.decks.text import DeckBlock, DeckError, Floats, coordinates, real, real_or_none
 from signorini_fx.mechanics.mesh.files.arrays import plain
-from signorini_fx.mechanics.mesh.files.cells import Floats
 from signorini_fx.mechanics.statement.rigid_shape import turning
 
 # Parameters whose values are sets, surfaces, orientations or nodes.

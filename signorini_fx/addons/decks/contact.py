@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.addons.decks.content import Deck, Interaction, SurfacePair
-from signorini_fx.addons.decks.text import DeckBlock, parameter, real, real_or_none
+from signorini_fx.addons.decks.text import DeckBlock, Ints, parameter, real, real_or_none
 from signorini_fx.addons.decks.unread_keywords import CONSTRAINT
-from signorini_fx.mechanics.mesh.files.cells import Ints
 from signorini_fx.tuned import HARD_CONTACT
 
 # How a contact pair is discretised, which a scene chooses itself.

@@ -18,9 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from signorini_fx.errors import MeshError
-from signorini_fx.mechanics.mesh.files.cells import Floats, Ints
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
 
 # How many words each data line has at least, and how many data lines a keyword has at most.
 _LEAST_WORDS = {

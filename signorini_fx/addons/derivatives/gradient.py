@@ -25,7 +25,6 @@ from signorini_fx.addons.derivatives.adjoint import Adjoint, Explicit, Linearise
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
 from signorini_fx.algebra.contact.contact_map import ContactMap
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.linalg import ElasticSystem
 from signorini_fx.errors import FormError
 from signorini_fx.machine import parallel
@@ -100,7 +99,7 @@ class SolvedStep:
             *((None, None) if turning is None else turning[::2]),
         )
 
-    def quantity(self, of: Functional) -> tuple[PETSc.Vec, Nodal]:
+    def quantity(self, of: Functional) -> tuple[PETSc.Vec, Array]:
         """J_x at the free unknowns of the stiffness, and J_t over the weight, shape (n, d); collective.
 
         Raises:
@@ -122,7 +121,7 @@ class SolvedStep:
         """That of a quantity; collective."""
         return of.value(self.displacement, self.state.boundary, self.state.pressure, self.state.shear)
 
-    def handed_back(self, adjoint: Adjoint | None, earlier: SolvedStep | None) -> tuple[PETSc.Vec, Nodal] | None:
+    def handed_back(self, adjoint: Adjoint | None, earlier: SolvedStep | None) -> tuple[PETSc.Vec, Array] | None:
         """What a quantity with this adjoint state owes to the load step before, as ``quantity``; None: nothing;
         collective.
         """
@@ -151,7 +150,7 @@ def columns(
     which ``step_at`` gives the ``SolvedStep`` as ``solved``, and as ``earlier`` that of the one before, or None.
     """
     slopes, values, between = np.zeros((len(quantities), len(data))), np.zeros(len(quantities)), [0] * count
-    owed: list[tuple[PETSc.Vec, Nodal] | None] = [None] * len(quantities)
+    owed: list[tuple[PETSc.Vec, Array] | None] = [None] * len(quantities)
     for number in range(count - 1, -1, -1):
         asked = [(k, of) for k, (at, of) in enumerate(quantities) if at == number]
         if not asked and all(debt is None for debt in owed):
@@ -198,11 +197,11 @@ class ChangedStep:
     forces: Array  # L at the owned dofs
     prescribed: Array  # the prescribed displacements at the owned dofs
     boundary: ContactBoundary  # the contact points
-    gap: Nodal  # d from the initial position, length, shape (n,)
+    gap: Array  # d from the initial position, length, shape (n,)
     law: PointFriction | None  # of friction; None: there is none
     # how far foundations have moved in this load step, length, shape (n, d); None: they have not
-    drift: Nodal | None = None
-    spin: Nodal | None = None  # see ``SolvedStep``
+    drift: Array | None = None
+    spin: Array | None = None  # see ``SolvedStep``
 
 
 def explicit(
@@ -238,7 +237,7 @@ def elastic_forces(body: ElasticBody, forms: Sequence[fem.Form], y: fem.Function
     return body.vector(action(tuple(forms), y, nodes))
 
 
-def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None) -> Nodal:
+def _relative(solved: SolvedStep, data: ChangedStep, previous: tuple[SolvedStep, ChangedStep] | None) -> Array:
     """B x - d, length, shape (n, d); collective."""
     body, contact = solved.body, _map_to(data.boundary, solved.body)
     u_n, u_t = contact.traces(_displaced(solved, data, body))

@@ -23,7 +23,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.points import ContactPoints, SharedNodes, onto_range
 from signorini_fx.machine import compat, parallel
 from signorini_fx.mechanics.assembly.averages import Averages, averaging
@@ -44,6 +43,8 @@ from signorini_fx.tuned import ROOT_OF_EPS, ZERO_COMPONENT
 if TYPE_CHECKING:
     from signorini_fx.mechanics.contact_points.turned_supports import TurnedNodes
 
+Array = npt.NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class MovingFoundation:
@@ -56,7 +57,7 @@ class MovingFoundation:
         number: of the foundation of each unknown among the ``bodies``, shape (k,).
     """
 
-    modes: Nodal
+    modes: Array
     fixed: npt.NDArray[np.bool_]
     stiffness: npt.NDArray[np.float64]
     number: npt.NDArray[np.int64]
@@ -94,19 +95,19 @@ class ContactBoundary:
 
     comm: MPI.Comm
     nodes: npt.NDArray[np.int32]
-    x: Nodal
-    weight: Nodal
-    normal: Nodal
+    x: Array
+    weight: Array
+    normal: Array
     part: npt.NDArray[np.int32]
     free: npt.NDArray[np.bool_]
     segments: npt.NDArray[np.int64]
     global_nodes: npt.NDArray[np.int64]
     averages: Averages
-    axes: Nodal
+    axes: Array
     kinematics: Kinematics
     moving: MovingFoundation | None = None
     friction_axes: FrictionAxes | None = None
-    pushing: Nodal | None = None
+    pushing: Array | None = None
 
     @property
     def size(self) -> int:
@@ -114,7 +115,7 @@ class ContactBoundary:
         return int(self.nodes.size)
 
     @cached_property
-    def centre(self) -> Nodal:
+    def centre(self) -> Array:
         """Where the force of each point acts on a rigid body, length, shape (n, d)."""
         return self.averages.arm
 
@@ -124,19 +125,19 @@ class ContactBoundary:
         return self.averages.paired
 
     @cached_property
-    def tangents(self) -> Nodal:
+    def tangents(self) -> Array:
         """Tangents T_i, one per column, shape (n, d, d - 1): orthonormal, unless friction has a direction."""
         return self._axes if self.friction_axes is None else self._axes * self.friction_axes.scale
 
     @cached_property
-    def cotangents(self) -> Nodal:
+    def cotangents(self) -> Array:
         """Their dual basis, shape (n, d, d - 1), with which components of displacements make a vector; forces are made
         with the tangents.
         """
         return self._axes if self.friction_axes is None else self._axes / self.friction_axes.scale
 
     @cached_property
-    def _axes(self) -> Nodal:
+    def _axes(self) -> Array:
         """Orthonormal tangents; one is along a component that is prescribed, those of friction along its axes."""
         tangents = tangents_of(self.normal)
         if self.normal.shape[1] == 2:
@@ -150,12 +151,12 @@ class ContactBoundary:
         return tangents if self.friction_axes is None else self.friction_axes.directions(self.normal, tangents)
 
     @property
-    def frames(self) -> Nodal:
+    def frames(self) -> Array:
         """(n, T) of each node, one direction per column, shape (n, d, d)."""
         return np.concatenate((self.normal[:, :, None], self.tangents), axis=2)
 
     @property
-    def coframes(self) -> Nodal:
+    def coframes(self) -> Array:
         """Their dual basis, (n, T^-T), shape (n, d, d)."""
         return np.concatenate((self.normal[:, :, None], self.cotangents), axis=2)
 
@@ -185,14 +186,14 @@ class ContactBoundary:
         points, beside = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         return SharedNodes(points, beside, np.einsum("nji,nj->ni", self.coframes[points], self.normal[beside]))
 
-    def nodal_forces(self, pressure: Nodal, shear: Nodal) -> Nodal:
-        """Nodal w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing`` for n."""
+    def nodal_forces(self, pressure: Array, shear: Array) -> Array:
+        """Array w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing`` for n."""
         along = self.normal if self.pushing is None else self.pushing
         traction = pressure[:, None] * along + np.einsum("ik,ijk->ij", shear, self.tangents)
         return self.weight[:, None] * traction
 
 
-def tangents_of(normal: Nodal) -> Nodal:
+def tangents_of(normal: Array) -> Array:
     """Orthonormal tangents of unit normals, one per column, shape (n, d, d - 1).
 
     In 2D t = (-n_2, n_1), along x[0] for a body above its foundation; in 3D any two of a right-handed frame (n, t_1,
@@ -240,7 +241,7 @@ def unit_contact_form(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], f
     return compile_form(factor * ufl.inner(ufl.TestFunction(space), ufl.FacetNormal(mesh)) * ds)
 
 
-def nodal_points(space: fem.FunctionSpace, form: fem.Form, least: float) -> tuple[npt.NDArray[np.int32], Nodal, Nodal]:
+def nodal_points(space: fem.FunctionSpace, form: fem.Form, least: float) -> tuple[npt.NDArray[np.int32], Array, Array]:
     """Local numbers of contact nodes, their weights and normals, from the unit contact form; nodes whose weight is no
     larger than ``least`` times the largest one are no points; collective.
     """
@@ -252,7 +253,7 @@ def nodal_points(space: fem.FunctionSpace, form: fem.Form, least: float) -> tupl
 
 def contact_part(
     space: fem.FunctionSpace,
-    points: tuple[npt.NDArray[np.int32], Nodal, Nodal],
+    points: tuple[npt.NDArray[np.int32], Array, Array],
     averages: Averages,
     facets: npt.NDArray[np.int32],
     index: int,
@@ -339,7 +340,7 @@ def contact_map(
     return replace(mapping, operator=relative, paired=True)
 
 
-def block_diagonal(operator: PETSc.Mat, blocks: Nodal) -> PETSc.Mat:
+def block_diagonal(operator: PETSc.Mat, blocks: Array) -> PETSc.Mat:
     """The matrix with these blocks, shape (n, m, m), on the diagonal, for the rows of an operator; collective."""
     rows, first = operator.getSizes()[0], operator.getOwnershipRange()[0]
     numbers = np.arange(len(blocks) + 1)

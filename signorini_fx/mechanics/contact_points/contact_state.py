@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,14 +62,14 @@ class ContactState(PointState):
         return contact, friction
 
     @property
-    def mean_tangential_displacement(self) -> float | Nodal:
+    def mean_tangential_displacement(self) -> float | Array:
         """Mean of tau_T y over the contact boundary, length: along the tangent; in 3D a vector, shape (3,);
         collective.
         """
         return self.mean_tangential_displacements[0]
 
     @cached_property
-    def mean_tangential_displacements(self) -> list[float | Nodal]:
+    def mean_tangential_displacements(self) -> list[float | Array]:
         """Of all contact boundaries together, and of each, in the order of the scene; collective."""
         boundary, along = self.boundary, self.displaced(self.u_t)
         sums = np.zeros((len(self.forces_of_each), along.shape[1] + 1))
@@ -77,7 +78,7 @@ class ContactState(PointState):
         means = [mean[:-1] / mean[-1] for mean in (total.sum(axis=0), *total)]
         return [float(mean[0]) if mean.size == 1 else mean for mean in means]
 
-    def tangential(self, vectors: Nodal) -> Nodal:
+    def tangential(self, vectors: Array) -> Array:
         """Shears, shape (n, d - 1), as in tables: in 2D along the tangent, in 3D as vectors, shape (n, 3), which do not
         depend on the choice of tangents.
         """
@@ -85,6 +86,6 @@ class ContactState(PointState):
             return vectors
         return np.asarray(np.einsum("ijk,ik->ij", self.boundary.tangents, vectors))
 
-    def displaced(self, vectors: Nodal) -> Nodal:
+    def displaced(self, vectors: Array) -> Array:
         """The same for tangential displacements and slips."""
         return vectors if vectors.shape[1] == 1 else np.einsum("ijk,ik->ij", self.boundary.cotangents, vectors)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
-from signorini_fx.algebra.contact.nodal_vectors import Nodal
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
@@ -17,6 +17,8 @@ from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodyMotion
 if TYPE_CHECKING:
     from signorini_fx.mechanics.effects.contact import Overclosure
     from signorini_fx.mechanics.statement.statement import Statement
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,8 @@ class Tractions:
     vector of space: no frame is shared with the solver.
     """
 
-    pressure: Nodal
-    shear: Nodal
+    pressure: Array
+    shear: Array
 
     @classmethod
     def none(cls, boundary: ContactBoundary) -> Tractions:
@@ -83,8 +85,8 @@ class PreviousStep:
 
     displacement: fem.Function
     tractions: Tractions
-    elastic_slip: Nodal | None = None  # the part of its slip that is due to the regularised law, length, shape (n, d)
-    moved: Nodal | None = None  # by how much the foundations have moved at the contact points since, the same
+    elastic_slip: Array | None = None  # the part of its slip that is due to the regularised law, length, shape (n, d)
+    moved: Array | None = None  # by how much the foundations have moved at the contact points since, the same
     rigid: tuple[RigidBodyMotion, ...] = ()  # how rigid bodies had moved at its end
 
     @classmethod
