@@ -60,7 +60,8 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from signorini_fx.results.summary import lines_of, short_answer, table_row
     from signorini_fx.scenes import solver
 
-    gc.freeze()  # what was imported lives as long as the process: it need not be looked through for garbage
+    if not gc.get_freeze_count():  # what was imported stays: it need not be looked through for garbage
+        gc.freeze()
     fields = not options.no_fields
     if options.picture:
         add_on("pictures")
