@@ -226,7 +226,7 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
     starts = [named.index(kind) for kind in kinds]
     axes.vlines(np.array(starts[1:]) - 0.5, 0.08, 9.0, color="0.5", linewidth=0.6, linestyle=":")
     axes.set(yscale="log", ylabel="seconds over those needed", xlim=(-1, len(at)), ylim=(0.08, 9.0))
-    axes.set_xticks([float(np.mean(ends)) for ends in pairwise([*starts, len(at)])], kinds, rotation=20)
+    axes.set_xticks([float(np.mean(ends)) for ends in pairwise([*starts, len(at)])], kinds, rotation=30)
     axes.set_yticks([0.1, 0.3, 1.0, 3.0], ["0.1", "0.3", "1", "3"])
     axes.legend(loc="lower left", ncols=3)
     figure.savefig(file, dpi=120)

@@ -78,6 +78,20 @@ def test_in_space_it_costs_what_the_first_mesh_costs(across, larger):
     assert refinement.times[1] > refinement.unknowns / dofs
 
 
+def test_iterations_of_metal_increase():
+    """Like one over the size of cells, in 3D the cubic root of the unknowns; those of rubber do not."""
+    box = {"generator": "box", "parameters": {"length": 1.0, "nx": 2, "ny": 2, "nz": 2, "cell": "hexahedron"}}
+    rubber = {"law": "neo-hooke", "young": 1.0, "poisson": 0.3}
+    forecasts = []
+    for material in (rubber, {**rubber, "law": "j2", "yield_stress": 1.0}):
+        scene = parse_scene({"mesh": box, "material": material, "contact": {"boundary": "bottom"}})
+        mesh = load_mesh(scene, MPI.COMM_SELF)
+        forecasts.append(next_accuracy.next_refinement(scene.statement, mesh, "energy", 81))
+    elastic, metal = forecasts
+    assert metal.unknowns == elastic.unknowns
+    assert metal.times[1] == pytest.approx((metal.unknowns / 81) ** (1 / 3) * elastic.times[1])
+
+
 def test_check_foretells_what_it_costs():
     """As much as the solve foretells, before anything is known of the solution."""
     scene = example1(coefficient=0.3, gamma="auto", nx=30, ny=10)
