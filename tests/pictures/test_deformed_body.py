@@ -76,7 +76,7 @@ def test_a_foundation_that_would_be_bent_is_drawn_where_it_is(gap):
     displacement = sinking(0.0012)
     assert magnification(replace(BODY, displacement=displacement), []) > 1
     (axes, *_), title = drawn(gap, displacement)
-    assert r"displacement $\times\,1$" in title
+    assert "displacement \N{MULTIPLICATION SIGN} 1" in title
     np.testing.assert_allclose(body_of(axes), (POINTS + displacement)[CELLS])
     np.testing.assert_allclose(foundation_of(axes).get_xydata(), BOTTOM + gap[:, None] * DOWN)
 
@@ -86,7 +86,7 @@ def test_a_small_contact_zone_is_enlarged():
     gap = 0.3 * (X - 1.5) ** 2 + 0.001
     gap[[5, 6, 7]] = 0.001
     (whole, zone), title = drawn(gap, sinking(0.0012))
-    assert title == r"left: displacement $\times\,1$; right: the contact zone as it is"
+    assert title == "left: displacement \N{MULTIPLICATION SIGN} 1; right: the contact zone as it is"
     low, high = zone.get_xlim()
     assert 0 < low < X[5] < X[7] < high < 3
     np.testing.assert_allclose(body_of(zone), (POINTS + sinking(0.0012))[CELLS])

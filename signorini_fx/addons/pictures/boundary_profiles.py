@@ -43,8 +43,8 @@ AROUND = {"color": ORANGE, "linewidth": 1.5, "linestyle": (0, (6.0, 1.2, 1.2, 1.
 STATES = {
     "open": ("#f0f0f0", "open"),
     "slip": (ORANGE, "slip"),  # in 3D, where it has a direction in place of a sign
-    "slip+": (ORANGE, r"slip $+$"),
-    "slip-": (BLUE, r"slip $-$"),
+    "slip+": (ORANGE, "slip +"),
+    "slip-": (BLUE, "slip \N{MINUS SIGN}"),
     "stick": ("#262626", "stick"),
     "contact": ("#8c8c8c", "in contact, no friction"),
 }
@@ -277,7 +277,7 @@ def boundaries_of(table: ContactTable) -> list[PlaneBoundary]:
         before = accumulate((float(arc[-1]) for arc in arcs), initial=0.0)
         s = np.concatenate([arc + start for arc, start in zip(arcs, before, strict=False)])
         flat = np.ptp(columns["y"]) <= 1e-9 * np.ptp(columns["x"])
-        along = (columns["x"], "$x$") if flat else (s, "arc length $s$")
+        along = (columns["x"], "x") if flat else (s, "arc length s")
         boundaries.append(PlaneBoundary(plain(name), columns, *along, starts))
     return boundaries
 

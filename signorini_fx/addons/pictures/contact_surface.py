@@ -23,12 +23,13 @@ from signorini_fx.addons.pictures.style import (
     INK,
     MUTED,
     STYLE,
+    TIMES,
     VALUES,
     Floats,
     Rows,
     decimal_power,
     largest_of,
-    math_number,
+    number,
     plain,
     readable,
     unit_of,
@@ -122,7 +123,7 @@ def contact_surface(table: Table, facets: Rows) -> Figure:
         if state:
             seen.update(_state_panel(axes, side, low, high, f"{side.name}: state"))
         else:
-            sight = f"seen along ${view.combination(-side.view.toward)}$" + (", the part in contact" if part else "")
+            sight = f"seen along {view.combination(-side.view.toward)}" + (", the part in contact" if part else "")
             between = "\n" if len(side.name) > _LONG_NAME else " "
             _pressure_panel(figure, axes, side, low, high, f"{side.name},{between}{sight}")
     if seen:
@@ -191,7 +192,7 @@ def _pressure_panel(figure: Figure, axes: Axes, side: VisibleSide, low: Floats, 
         longest = largest_of(side.floats("shear"))
         drawn = _arrows(axes, side, shear, side.shown & (side.floats("shear") > 1e-6 * longest), low, high)
         if drawn > 0:
-            length = f"${math_number(float(f'{drawn:.3g}'))}$ {plain(unit('stress'))}".rstrip()
+            length = f"{number(float(f'{drawn:.3g}'))} {plain(unit('stress'))}".rstrip()
             text += f"\narrows: shear stress, the longest {length}"
     axes.set_title(text, loc="left", fontsize=8)
 
@@ -211,7 +212,7 @@ def _state_panel(axes: Axes, side: VisibleSide, low: Floats, high: Floats, headi
     if longest > 0:
         factor = readable(0.8 * LONGEST_ARROW * _size(low, high) / longest)
         _arrows(axes, side, slip, moving, low, high, factor)
-        text += f"\narrows: slip $\\times\\,{math_number(factor)}$"
+        text += f"\narrows: slip {TIMES} {number(factor)}"
     elif np.any(side.touching):
         text += "\nno slip"
     axes.set_title(text, loc="left", fontsize=8)

@@ -64,7 +64,7 @@ def deformed_mesh(
             _draw_foundation(axes, line, 0.035 * float(np.max(high - low)))
         undeformed = "" if scale == 1 else ", undeformed"
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-        axes.set(xlabel=f"$x${undeformed}{bracketed('length')}", ylabel=f"$y${undeformed}{bracketed('length')}")
+        axes.set(xlabel=f"x{undeformed}{bracketed('length')}", ylabel=f"y{undeformed}{bracketed('length')}")
         axes.spines[:].set_visible(False)
         axes.locator_params(axis="x", nbins=max(2, min(7, round(1.4 * width))))
         axes.locator_params(axis="y", nbins=max(2, min(7, round(2.5 * height))))

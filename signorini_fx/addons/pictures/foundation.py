@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from signorini_fx.addons.pictures.body import DrawnBody, normals_of
 from signorini_fx.addons.pictures.boundary_profiles import ContactColumns, boundaries_of, by_boundary
-from signorini_fx.addons.pictures.style import Floats, Rows, math_number, readable
+from signorini_fx.addons.pictures.style import TIMES, Floats, Rows, number, readable
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.results.fields import facets_of
 from signorini_fx.tuned import SEEN_AS_IT_IS, SHARP_EDGE, SMALL_PART
@@ -127,4 +127,4 @@ def magnification(body: DrawnBody, foundations: Sequence[Foundation]) -> float:
 def magnified(foundations: Sequence[Foundation], factor: float) -> str:
     """What is magnified, in words."""
     gap = " and gap" if factor != 1 and any(part.rigid for part in foundations) else ""
-    return f"displacement{gap} $\\times\\,{math_number(factor)}$"
+    return f"displacement{gap} {TIMES} {number(factor)}"

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from signorini_fx.addons.pictures.body import DrawnBody
 from signorini_fx.addons.pictures.fields import Field
-from signorini_fx.addons.pictures.style import INK, MUTED, VALUES, Floats, decimal_power, math_number, unit_of
+from signorini_fx.addons.pictures.style import INK, MUTED, VALUES, Floats, decimal_power, number, unit_of
 from signorini_fx.mechanics.statement.units import unit
 from signorini_fx.tuned import ARROWS_AROUND, DIGITS_OF_FILES, USUAL_COLOURS
 
@@ -43,7 +43,7 @@ def draw_lengths(axes: Axes, points: Floats, camera: Camera) -> None:
         style = {"arrowstyle": "-|>", "color": MUTED, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
         start, end = start + beside * aside, end + beside * aside
         axes.annotate("", tuple(end), tuple(start), arrowprops=style, annotation_clip=False)
-        text = f"{name}: ${math_number(float(f'{high[axis] - low[axis]:.4g}'))}$ {unit('length')}".rstrip()
+        text = f"{name}: {number(float(f'{high[axis] - low[axis]:.4g}'))} {unit('length')}".rstrip()
         across = "right" if aside[0] < -0.4 else "left" if aside[0] > 0.4 else "center"
         upwards = "top" if aside[1] < -0.4 else "bottom" if aside[1] > 0.4 else "center"
         x, y = 0.5 * (start + end) + 0.5 * beside * aside
@@ -82,7 +82,7 @@ class Largest:
 
 def mark_largest(axes: Axes, point: Floats, text: str, *, behind: bool = False) -> None:
     """A small circle at a place in the picture, shape (2,), with a number; open if it is behind."""
-    text = f"${math_number(float(text))}$" + (" behind" if behind else "")
+    text = number(float(text)) + (" behind" if behind else "")
     fill = "none" if behind else "white"
     axes.plot(
         *point, marker="o", markersize=5, markerfacecolor=fill, markeredgecolor=INK, markeredgewidth=0.9, zorder=7

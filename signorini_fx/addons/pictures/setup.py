@@ -26,7 +26,7 @@ from signorini_fx.addons.pictures.style import (
     STYLE,
     Floats,
     finish,
-    math_number,
+    number,
     plain,
 )
 from signorini_fx.mechanics.statement.units import bracketed, labelled, unit
@@ -143,7 +143,7 @@ class Setup:
                 axes.add_collection(LineCollection(strokes, colors=colour, linewidths=0.8, zorder=4))
         axes.add_collection(LineCollection(list(self.foundations), colors=ORANGE, linewidths=1.2, zorder=2))
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-        axes.set(xlabel=f"$x${bracketed('length')}", ylabel=f"$y${bracketed('length')}")
+        axes.set(xlabel=f"x{bracketed('length')}", ylabel=f"y{bracketed('length')}")
         axes.spines[:].set_visible(False)
         return figure, np.asarray, None
 
@@ -221,7 +221,7 @@ class Setup:
             handles.append(Line2D([], [], **style, markersize=4.5, markerfacecolor="white", label=boundary.label))
         for vectors, kind, quantity in (("load", "load", "stress"), ("moved", "displacement", "length")):
             if largest := self._largest(vectors):
-                size = f"${math_number(float(f'{largest:.3g}'))}$ {plain(unit(quantity))}".rstrip()
+                size = f"{number(float(f'{largest:.3g}'))} {plain(unit(quantity))}".rstrip()
                 handles.append(Line2D([], [], linestyle="none", label=f"longest arrow of a {kind}: {size}"))
         if handles:
             wide = max(len(str(handle.get_label())) for handle in handles)

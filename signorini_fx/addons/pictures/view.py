@@ -84,18 +84,19 @@ def coordinate(direction: Floats) -> tuple[str, bool]:
     """
     axis = int(np.argmax(np.abs(direction)))
     if abs(direction[axis]) > 1 - 1e-12:
-        return f"${'xyz'[axis]}$", bool(direction[axis] < 0)
-    return f"${combination(direction)}$", False
+        return "xyz"[axis], bool(direction[axis] < 0)
+    return combination(direction), False
 
 
 def combination(direction: Floats) -> str:
-    """A unit vector as a combination of coordinates, for mathtext."""
+    """A unit vector as a combination of coordinates."""
     text = ""
     for axis, share in enumerate(direction):
         if abs(share) < 0.005:
             continue
-        size = "" if abs(share) > 0.995 else rf"{abs(share):.2f}\,"
-        text += f"{'-' if share < 0 else '+' if text else ''}{size}{'xyz'[axis]}"
+        sign = "\N{MINUS SIGN}" if share < 0 else "+" * bool(text)
+        size = "" if abs(share) > 0.995 else f"{abs(share):.2f} "
+        text += f"{f' {sign} ' if text else sign}{size}{'xyz'[axis]}"
     return text
 
 
