@@ -181,7 +181,7 @@ class Panel:
         low, high = float(boundary.coordinate.min()), float(boundary.coordinate.max())
         axes.set_xlim(low, high if high > low else low + 1.0)
         axes.axhline(0.0, color=RULE, linewidth=0.6, zorder=0)
-        axes.tick_params(axis="x", length=0, labelbottom=False)
+        axes.xaxis.set_visible(False)
         axes.spines["bottom"].set_visible(False)
         axes.locator_params(axis="y", nbins=6)
         handles, labels = axes.get_legend_handles_labels()
@@ -293,6 +293,7 @@ def state_strip(axes: Axes, boundary: PlaneBoundary) -> None:
             stop = start + len(list(run))
             axes.axvspan(borders[start], borders[stop], color=STATES[state][0], linewidth=0)
             start = stop
-    axes.set(ylim=(0, 1), yticks=[], xlabel=f"{boundary.label}{bracketed('length')}")
+    axes.set(ylim=(0, 1), xlabel=f"{boundary.label}{bracketed('length')}")
+    axes.yaxis.set_visible(False)
     axes.spines[:].set_visible(True)
     axes.spines[:].set_linewidth(0.5)

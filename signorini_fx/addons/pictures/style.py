@@ -141,8 +141,11 @@ def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence
     """
     stem = Path(path_stem)
     stem.parent.mkdir(parents=True, exist_ok=True)
-    dateless = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
-    quick = {".png": {"pil_kwargs": {"compress_level": 1}}}  # in half the time, up to a third larger
+    of_kind: dict[str, dict[str, Any]] = {
+        ".png": {"pil_kwargs": {"compress_level": 1}},  # in half the time, up to a third larger
+        ".pdf": {"metadata": {"CreationDate": None}},
+        ".svg": {"metadata": {"Date": None}},
+    }
     figure.set_dpi(_PNG_DPI)
     if title:
         _entitle(figure, title)
@@ -151,5 +154,4 @@ def finish(figure: Figure, path_stem: str | Path, title: str, suffixes: Sequence
         figure.set_layout_engine(None)
     for suffix in suffixes:
         dpi = _PNG_DPI if suffix == ".png" else _RASTER_DPI
-        file = stem.with_name(f"{stem.name}{suffix}")
-        figure.savefig(file, dpi=dpi, metadata=dateless.get(suffix), **quick.get(suffix, {}))
+        figure.savefig(stem.with_name(f"{stem.name}{suffix}"), dpi=dpi, **of_kind[suffix])
