@@ -30,7 +30,6 @@ from signorini_fx.mechanics.pairs.pair_side import (
     Overlap,
     PairSurface,
     along_vectors,
-    beside,
     of_blocks,
     of_components,
     turned_normals,
@@ -105,7 +104,7 @@ def averaged_points(
     tested = Tested.of(surface, surface, itself, bonded=False)
     area = tested.areas
     mine = np.flatnonzero((area > 0) & side.owned(space))
-    shares = sp.csr_array(sp.diags_array(1.0 / area[mine]) @ tested.products[0][mine])
+    shares = sp.csr_array(sp.diags_array(1.0 / area[mine]) @ tested.products[mine, : len(surface.x)])
     reached = np.unique(shares.indices)
     held = from_owners(fixed.reshape(-1, dim).astype(np.float64), side.nodes[reached], comm) > 0
     averages = Averages(shares[:, reached], side.nodes[reached], surface.x[reached], held)
@@ -337,7 +336,7 @@ class PairedSides:
         leaves out.
         """
         coupling, dim = self.coupling, self.sides.slave.surface.dimension
-        relative = of_components(beside(coupling.slave, -coupling.master), dim)
+        relative = of_components(coupling.both, dim)
         if not self.followed:
             relative = relative + sp.csr_array(coupling.turning)
         if self.across.any():
@@ -352,7 +351,7 @@ class PairedSides:
         components = (dim * reached[:, None] + np.arange(dim)).ravel()
         lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(sides.nodes.size, coupling.nodes.size))
         averages = Averages(
-            beside(coupling.slave, -coupling.master)[:, reached],
+            coupling.both[:, reached],
             sides.nodes[reached],
             sides.x[reached],
             sides.fixed[reached],

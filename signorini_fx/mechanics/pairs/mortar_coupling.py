@@ -55,8 +55,7 @@ class Coupling:
         weight: w_i, area (in 2D: length) times the measure, shape (n,).
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         distance: d_i, length, shape (n, d).
-        slave: D, sparse, shape (n, nodes of the slave).
-        master: M, sparse, shape (n, nodes of the master).
+        both: D and - M, nodes of the slave first, sparse, shape (n, m).
         mean: from moments of the functions of the nodes of the slave to means, sparse, shape (n, nodes of the slave).
         turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact omega_i(u_m) x d_i,
             from the nodes of both sides, those of the slave first, by blocks, sparse, shape (n d, d m).
@@ -70,13 +69,22 @@ class Coupling:
     weight: Array
     normal: Array
     distance: Array
-    slave: sp.csr_array
-    master: sp.csr_array
+    both: sp.csr_array
     mean: sp.csr_array
     turning: sp.bsr_array
     centre: Array
     covered: float
     met: float
+
+    @property
+    def slave(self) -> sp.csr_array:
+        """D, shape (n, nodes of the slave)."""
+        return sp.csr_array(self.both[:, : self.mean.shape[1]])
+
+    @property
+    def master(self) -> sp.csr_array:
+        """M, shape (n, nodes of the master)."""
+        return sp.csr_array(-self.both[:, self.mean.shape[1] :])
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -144,12 +152,10 @@ class Tested:
         return self.moments(np.ones((*self.weighted.shape[:2], 1)))[:, 0]
 
     @cached_property
-    def products(self) -> list[sp.csr_array]:
-        """Integrals of the functions of the nodes of the slave times those of both sides, sparse, shapes (N, N) and
-        (N, M).
-        """
+    def products(self) -> sp.csr_array:
+        """Integrals of the functions of the nodes of the slave times those of both sides, sparse, shape (N, m)."""
         shapes = self.slave.functions.values(self.overlap.at), self.master.functions.values(self.overlap.over)
-        return self._sums([np.einsum("pqi,pqj->pij", self.weighted, shape) for shape in shapes])
+        return self._sums(self.weighted.swapaxes(1, 2) @ np.concatenate(shapes, axis=2))
 
     @property
     def movable(self) -> Array:
@@ -158,27 +164,27 @@ class Tested:
         A held node of the slave carries a point as any other, as its function moves the master.  Where most of the
         master that it sees is held, too, nothing can move it, and its neighbours take over its function.
         """
-        met = self.products[1]
-        of_held, weight = (np.asarray(met @ flags) for flags in (self.master.held * 1.0, np.ones(met.shape[1])))
+        on_slave, on_master = np.zeros(len(self.slave.x)), np.ones(len(self.master.x))
+        of_held, weight = (
+            np.asarray(self.products @ np.append(on_slave, flags)) for flags in (self.master.held, on_master)
+        )
         # On a part of a facet a quadratic function may have a negative weight, which says nothing.
         seen = np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
         return np.where(self.slave.held, 1.0 - np.clip(seen, 0.0, 1.0), 1.0)
 
     @property
-    def arms(self) -> list[sp.csr_array]:
+    def arms(self) -> sp.csr_array:
         """The areas over which the functions see the nodes of both sides, likewise."""
-        areas, rows = self.overlap.weight.sum(axis=1)[:, None, None], self.slave.points.shape[1]
-        shapes = [(len(areas), rows, side.nodes.shape[1]) for side in (self.slave, self.master)]
-        return self._sums([np.broadcast_to(areas, shape) for shape in shapes])
+        shape = self.slave.points.shape[1], self.slave.nodes.shape[1] + self.master.nodes.shape[1]
+        return self._sums(np.broadcast_to(self.overlap.weight.sum(axis=1)[:, None, None], (len(self.weighted), *shape)))
 
-    def _sums(self, values: list[Array]) -> list[sp.csr_array]:
+    def _sums(self, values: Array) -> sp.csr_array:
         """Values of each piece for the functions there and the nodes of both sides, added up."""
-        sums, facets = [], (self.overlap.slave, self.overlap.master)
-        for side, numbers, of_side in zip((self.slave, self.master), facets, values, strict=True):
-            both = self.slave.points[self.overlap.slave][:, :, None], side.nodes[numbers][:, None]
-            places = tuple(np.broadcast_to(at, of_side.shape).ravel() for at in both)
-            sums.append(sp.csr_array((of_side.ravel(), places), shape=(len(self.slave.x), len(side.x))))
-        return sums
+        slave, master, overlap = self.slave, self.master, self.overlap
+        nodes = np.hstack((slave.nodes[overlap.slave], len(slave.x) + master.nodes[overlap.master]))
+        both = slave.points[overlap.slave][:, :, None], nodes[:, None]
+        places = tuple(np.broadcast_to(at, values.shape).ravel() for at in both)
+        return sp.csr_array((values.ravel(), places), shape=(len(slave.x), len(slave.x) + len(master.x)))
 
     @property
     def covered(self) -> Indices:
@@ -248,18 +254,16 @@ def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bo
     weight = shares @ tested.areas
     mean = scaled_rows(np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0), shares)
     distance = mean @ tested.moments(tested.overlap.distance(slave, master))
-    to_slave, to_master = (without_round_off(sp.csr_array(mean @ matrix)) for matrix in tested.products)
-    half = 0.0 if nominal else 0.5
-    turnings = [
-        turning_of(sp.csr_array(mean @ matrix), side.x, part * distance)
-        for matrix, side, part in zip(tested.arms, (slave, master), (half, 1.0 - half), strict=True)
-    ]
-    normal = slave.nodal_normals[nodes]
-    if not nominal:
-        normal = slave.in_planes(to_slave @ slave.directions - to_master @ master.directions, nodes)
-    centre, covered = to_slave @ slave.x + half * distance, float(tested.area.sum())
-    turning = sp.bsr_array(sp.hstack(turnings, format="bsr"))
-    return Coupling(nodes, weight, normal, distance, to_slave, to_master, mean, turning, centre, covered, covered)
+    both, first = without_round_off(sp.csr_array(mean @ tested.products)), len(slave.x)
+    half, of_master = 0.0 if nominal else 0.5, both.indices >= first
+    both_distances = half * distance, (1.0 - half) * distance
+    turning = turning_of(sp.csr_array(mean @ tested.arms), (slave.x, master.x), both_distances)
+    directions = np.concatenate((slave.directions, master.directions))
+    on_slave = both[:, :first]
+    both.data[of_master] *= -1.0
+    normal = slave.nodal_normals[nodes] if nominal else slave.in_planes(both @ directions, nodes)
+    centre, covered = on_slave @ slave.x + half * distance, float(tested.area.sum())
+    return Coupling(nodes, weight, normal, distance, both, mean, turning, centre, covered, covered)
 
 
 def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:
@@ -293,11 +297,11 @@ def projected(
     collective.
     """
     ends = len(slave.nodes) * comm.rank // comm.size, len(slave.nodes) * (comm.rank + 1) // comm.size
-    facets = np.arange(*ends)
+    parts = Parts.of(slave, np.arange(*ends)), Parts.of(master, np.arange(len(master.nodes)))
     project = plane_overlap if slave.dimension == 2 else space_overlap
 
     def found(directions: Array | None) -> Tested:
-        overlap = project(slave, master, reach, facets, directions, comm).over_ranks(comm)
+        overlap = project(*parts, reach, directions, comm).over_ranks(comm)
         return Tested.of(slave, master, overlap.within(reach, slave, master), bonded=bonded)
 
     tested = found(None)

@@ -36,13 +36,13 @@ _PLACES_OF_RULE, _WEIGHTS_OF_RULE = np.polynomial.legendre.leggauss(8)
 
 
 def space_overlap(
-    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None, comm: MPI.Comm
+    slave_parts: Parts, master_parts: Parts, reach: float, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
     """The overlap in 3D, some triangles for each pair of parts that meet; ``reach``: distance beyond which parts are no
-    partners, length; ``facets``: those of the slave that are paired, shape (m,); ``directions``: of projection at the
-    nodes of the slave with test functions, shape (N, 3), None: the normals of its parts; collective.
+    partners, length; ``directions``: of projection at the nodes of the slave with test functions, shape (N, 3), None:
+    the normals of its parts; collective.
     """
-    slave_parts, master_parts = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
+    slave, master = slave_parts.side, master_parts.side
     along, turning = slave_parts.normal, np.asarray(np.zeros(len(slave_parts.facet)), dtype=np.float64)
     if directions is not None:
         along, turning = _along(slave, slave_parts, directions)
@@ -205,17 +205,17 @@ def _back(functions: Lagrange, flat: Array, reference: Array, p: Array) -> tuple
 
 
 def plane_overlap(
-    slave: PairSurface, master: PairSurface, reach: float, facets: Indices, directions: Array | None, comm: MPI.Comm
+    slave_parts: Parts, master_parts: Parts, reach: float, directions: Array | None, comm: MPI.Comm
 ) -> Overlap:
     """The overlap, one piece for each pair of facets that meet; for the arguments see ``space_overlap``, d = 2.
 
     Directions at nodes are the normals of the slave where none are given.
     """
-    flat, partners = Parts.of(slave, facets), Parts.of(master, np.arange(len(master.nodes)))
+    slave, master, facets = slave_parts.side, master_parts.side, slave_parts.facet
     normals = (slave.nodal_normals if directions is None else directions)[slave.nodes[facets]]
-    cosine, sine = np.einsum("fkd,fd->fk", normals, flat.normal), _cross(normals, flat.normal[:, None])
+    cosine, sine = np.einsum("fkd,fd->fk", normals, slave_parts.normal), _cross(normals, slave_parts.normal[:, None])
     turning = (np.abs(sine) / np.maximum(cosine, SAME_NUMBER)).max(axis=1)
-    numbers, master_facets = candidates(flat, partners, reach, turning)
+    numbers, master_facets = candidates(slave_parts, master_parts, reach, turning)
     slave_facets, normals = facets[numbers], normals[numbers]
     corners = slave.corners[slave_facets]
     at_ends = [np.full((len(master_facets), 1, 1), parameter) for parameter in (0.0, 1.0)]

@@ -8,6 +8,7 @@ in [0, 1]^2, in any order: what the functions are follows from the places.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import product
@@ -358,13 +359,17 @@ def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
     return matrix
 
 
-def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.bsr_array:
-    """Omega_i(u) x d_i as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, nodes), ``distance``: d_i."""
+def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[Array]) -> sp.bsr_array:
+    """The sum of omega_i(u) x d_i over sides as a matrix, see ``Coupling``; ``arms``: a_il, shape (n, m), ``places``:
+    of the nodes of each side, ``distances``: its d_i, shape (n, d).
+    """
     arms.sort_indices()
-    count, dim = distance.shape
-    row = np.repeat(np.arange(count), np.diff(arms.indptr))
-    a, seen = arms.data, x[arms.indices]
-    total, r, d = np.bincount(row, a, minlength=count)[:, None], seen, distance[row]
+    count, dim = distances[0].shape
+    side = np.repeat(np.arange(len(places)), [len(x) for x in places])[arms.indices]
+    row = len(places) * np.repeat(np.arange(count), np.diff(arms.indptr)) + side
+    distance, count = np.stack(distances, axis=1).reshape(-1, dim), count * len(places)
+    a, r, d = arms.data, np.concatenate(places)[arms.indices], distance[row]
+    total = np.bincount(row, a, minlength=count)[:, None]
     # The second time without the round-off of coordinates far from the origin, which is a motion of the middle.
     for _ in range(2):
         sums = np.stack([np.bincount(row, a * component, count) for component in r.T], axis=1)
@@ -376,7 +381,8 @@ def turning_of(arms: sp.csr_array, x: Array, distance: Array) -> sp.bsr_array:
     inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
     blocks = (-_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r)))[:, :dim, :dim]
     blocks[np.abs(blocks) < ZERO_COMPONENT] = 0.0
-    return sp.bsr_array((blocks, arms.indices, arms.indptr), shape=(count * dim, len(x) * dim))
+    shape = (dim * arms.shape[0], dim * arms.shape[1])
+    return sp.bsr_array((blocks, arms.indices, arms.indptr), shape=shape)
 
 
 def turned_normals(side: PairSurface, turned_too: Array | None = None) -> sp.csr_array:

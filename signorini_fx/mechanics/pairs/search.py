@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +49,7 @@ class Parts(Patches):
     shape (p, c, d - 1).
     """
 
+    side: PairSurface
     facet: Indices
     reference: Array
 
@@ -59,7 +61,7 @@ class Parts(Patches):
         corners, linear = side.positions(facet, reference), Lagrange(side.functions.corners)
         normal = across(linear.slopes(linear.places.mean(axis=0)[None])[:, None] @ corners)[:, 0]
         normal *= (side.sign[facet] / np.linalg.norm(normal, axis=1))[:, None]
-        return cls(corners, normal, facet, reference)
+        return cls(corners, normal, side, facet, reference)
 
 
 def default_reach(slave: Array, master: Array) -> float:
@@ -77,28 +79,25 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: Array) ->
     numbers of both patches of each pair, ascending, shape (m,) each; ``turning``: tangent of the angle between the
     directions of projection and the normal of each patch of the slave, shape (p,).
     """
-    none = np.zeros(0, dtype=np.int64)
     if not len(slave.corners) or not len(master.corners):
-        return none, none
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     # How much further away across the normal a partner may be whose ball is met along a direction aslant.
     aslant = 1.0 + turning**2 / np.sqrt(1.0 + turning**2)
     tree, count, largest = cKDTree(master.centre), len(master.centre), float(master.radius.max())
     farthest = slave.radius + largest + reach
     balls = min(int(np.ceil(farthest.max() / largest)), _BALLS)
-    height, pairs = farthest / balls, [none]
-    for number in range(1 - balls, balls, 2):  # balls around the normal of each patch, over it and under it
-        middle = height * number
-        across = aslant * (slave.radius + largest) + turning * (np.abs(middle) + height)
-        middles = slave.centre + middle[:, None] * slave.normal
-        found = tree.query_ball_point(middles, (1.0 + SAME_LENGTH) * np.hypot(across, height))
-        first = np.repeat(np.arange(len(found)), [len(numbers) for numbers in found])
-        second = np.concatenate(found).astype(np.int64)
-        normal, apart = slave.normal[first], master.centre[second] - slave.centre[first]
-        beyond, along = slave.radius[first] + master.radius[second], np.einsum("md,md->m", apart, normal)
-        across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning[first] * np.abs(along)
-        near = np.einsum("md,md->m", normal, master.normal[second]) < FACING_SIDES
-        near &= (across <= aslant[first] * beyond) & (np.abs(along) <= reach + beyond)
-        near &= np.linalg.norm(apart, axis=1) <= farthest[first]
-        pairs.append((first * count + second)[near])
-    first, second = np.divmod(np.unique(np.concatenate(pairs)), count)
-    return first, second
+    height = farthest / balls  # of balls around the normal of each patch, over it and under it
+    middle = height * np.arange(1 - balls, balls, 2)[:, None]
+    across = aslant * (slave.radius + largest) + turning * (np.abs(middle) + height)
+    middles = slave.centre + middle[..., None] * slave.normal
+    found = tree.query_ball_point(middles, (1.0 + SAME_LENGTH) * np.hypot(across, height)).ravel()
+    first = np.repeat(np.tile(np.arange(height.size), balls), [len(numbers) for numbers in found])
+    second = np.fromiter(chain.from_iterable(found), dtype=np.int64)
+    first, second = np.divmod(np.unique(first * count + second), count)
+    normal, apart = slave.normal[first], master.centre[second] - slave.centre[first]
+    beyond, along = slave.radius[first] + master.radius[second], np.einsum("md,md->m", apart, normal)
+    across = np.linalg.norm(apart - along[:, None] * normal, axis=1) - turning[first] * np.abs(along)
+    near = np.einsum("md,md->m", normal, master.normal[second]) < FACING_SIDES
+    near &= (across <= aslant[first] * beyond) & (np.abs(along) <= reach + beyond)
+    near &= np.linalg.norm(apart, axis=1) <= farthest[first]
+    return first[near], second[near]

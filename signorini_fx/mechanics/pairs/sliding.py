@@ -158,7 +158,7 @@ def slide(
     weights = np.where(partnered, found.weight, slave.area[points])
     normals = np.where(met, found.normal, slave.in_planes(slave.directions[points], points))
     centre, tangents = np.where(met, found.centre, slave.x[points]), tangents_of_points(slave, points, normals)
-    both = beside(found.slave, -found.master) + itself
+    both = sp.csr_array(found.both + itself)
     # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
     tangent_rows = along_vectors(tangents, in_blocks(both, dim) + found.turning)
     pieces = SlidingPieces.of(tested, directions, found.mean)

@@ -225,7 +225,7 @@ class Projection:
         at = np.repeat(np.arange(facets), len(shape)), slave.nodes.ravel()
         mean = sp.csr_array((np.tile(shape, facets), at), shape=(facets, len(slave.x)))
         across = of_blocks((np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None])
-        turning = across @ of_components(mean, 3) @ turning_of(_around(slave), slave.x, directions)
+        turning = across @ of_components(mean, 3) @ sp.csr_array(turning_of(_around(slave), (slave.x,), (directions,)))
         return cls(ways, np.arange(facets)[:, None], None, sp.csr_array(turning))
 
     def at(self, facets: Indices, places: Array) -> tuple[Array, Array]:
