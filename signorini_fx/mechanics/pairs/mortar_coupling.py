@@ -152,10 +152,20 @@ class Tested:
         return self.moments(np.ones((*self.weighted.shape[:2], 1)))[:, 0]
 
     @cached_property
+    def shapes(self) -> tuple[Array, Array]:
+        """The functions of both sides at the points of the overlap, shapes (p, q, k) and (p, q, l)."""
+        return self.slave.functions.values(self.overlap.at), self.master.functions.values(self.overlap.over)
+
+    @cached_property
+    def distance(self) -> Array:
+        """See ``Overlap``."""
+        corners = self.slave.corners[self.overlap.slave], self.master.corners[self.overlap.master]
+        return np.asarray(self.shapes[1] @ corners[1] - self.shapes[0] @ corners[0])
+
+    @cached_property
     def products(self) -> sp.csr_array:
         """Integrals of the functions of the nodes of the slave times those of both sides, sparse, shape (N, m)."""
-        shapes = self.slave.functions.values(self.overlap.at), self.master.functions.values(self.overlap.over)
-        return self._sums(self.weighted.swapaxes(1, 2) @ np.concatenate(shapes, axis=2))
+        return self._sums(self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2))
 
     @property
     def movable(self) -> Array:
@@ -253,7 +263,7 @@ def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bo
     slave, master = tested.slave, tested.master
     weight = shares @ tested.areas
     mean = scaled_rows(np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0), shares)
-    distance = mean @ tested.moments(tested.overlap.distance(slave, master))
+    distance = mean @ tested.moments(tested.distance)
     both, first = without_round_off(sp.csr_array(mean @ tested.products)), len(slave.x)
     half, of_master = 0.0 if nominal else 0.5, both.indices >= first
     both_distances = half * distance, (1.0 - half) * distance
@@ -318,8 +328,8 @@ def projected(
 def _mean_normals(tested: Tested) -> Array:
     """N_i of the nodes of the slave, shape (N, d); where one has no point, by the mean normal of the master."""
     slave, master, overlap = tested.slave, tested.master, tested.overlap
-    slave_normals = slave.functions.values(overlap.at) @ slave.directions[slave.nodes[overlap.slave]]
-    master_normals = master.functions.values(overlap.over) @ master.directions[master.nodes[overlap.master]]
+    slave_normals = tested.shapes[0] @ slave.directions[slave.nodes[overlap.slave]]
+    master_normals = tested.shapes[1] @ master.directions[master.nodes[overlap.master]]
     moments = tested.moments(np.concatenate((slave_normals, master_normals), axis=2))
     dim, unable = slave.dimension, np.zeros(len(slave.x), dtype=bool)
     nodes, shares = carried(slave, tested.covered, tested.areas, unable)

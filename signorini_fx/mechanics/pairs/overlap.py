@@ -249,11 +249,18 @@ def place_under(functions: Lagrange, corners: Array, normals: Array, x: Array) -
     for power in range(places.shape[1]):
         misses[power : power + ways.shape[1]] -= _cross(places[:, power, None], ways).T
     misses *= np.sign(_cross(along, normals.mean(axis=1)))
-    return np.where(misses[0] <= 0, 0.0, np.where(misses.sum(axis=0) >= 0, 1.0, _crossing(misses)))
+    at = np.where(misses[0] <= 0, 0.0, 1.0)
+    within = (misses[0] > 0) & (misses.sum(axis=0) < 0)
+    at[within] = _crossing(misses[:, within])
+    return at
 
 
 def _crossing(factors: Array) -> Array:
-    """Where polynomials fall to zero in [0, 1], else the end beyond which they do (Newton, bisections)."""
+    """Where polynomials that are positive at 0 and negative at 1 are zero (quadratic formula, Newton, bisections)."""
+    if len(factors) == 3:
+        constant, slope, curve = factors
+        root = np.sqrt(np.maximum(slope**2 - 4.0 * curve * constant, 0.0))
+        return np.minimum(2.0 * constant / (root - slope), 1.0)
     low, high, at = (np.full(factors.shape[1:], end) for end in (0.0, 1.0, 0.5))
     rates = (factors[1:].T * np.arange(1, len(factors))).T
     for _ in range(MANY_STEPS):

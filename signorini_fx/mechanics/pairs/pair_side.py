@@ -58,13 +58,13 @@ class Lagrange:
 
     def _monomials(self, at: Array, along: int | None = None) -> Array:
         """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
-        monomials: Array = np.ones(1)
+        factors = list[Array]()
         for axis, power in enumerate(self._exponents.T):
             s = at[..., axis, None]
             ones = np.ones_like(s)
             powers = (0.0 * s, ones, 2.0 * s) if axis == along else (ones, s, s * s)
-            monomials = monomials * np.concatenate(powers, axis=-1)[..., power]
-        return np.asarray(monomials)
+            factors.append(np.concatenate(powers[: self.degree + 1], axis=-1)[..., power])
+        return factors[0] if len(factors) == 1 else factors[0] * factors[1]
 
     def values(self, at: Array) -> Array:
         """At points of shape (..., d - 1), shape (..., k)."""

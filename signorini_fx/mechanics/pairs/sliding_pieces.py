@@ -100,9 +100,8 @@ class SlidingPieces:
         seen, over = slave.nodes[overlap.slave], master.nodes[overlap.master]
         blocks = np.column_stack((seen, first + over, total + projection.numbers[overlap.slave]))
         way, turns = projection.at(overlap.slave, overlap.at)
-        distance = np.einsum("pqd,pqd->pq", overlap.distance(slave, master), way)
-        shape, shape_over = slave.functions.values(overlap.at), master.functions.values(overlap.over)
-        share = np.concatenate((-shape, shape_over, -distance[..., None] * turns), axis=2)
+        distance = np.einsum("pqd,pqd->pq", tested.distance, way)
+        share = np.concatenate((-tested.shapes[0], tested.shapes[1], -distance[..., None] * turns), axis=2)
         slope, corners = master.functions.slopes(overlap.over), master.corners[overlap.master]
         along = np.einsum("apqk,pkd->pqad", slope, corners)
         inverse = np.linalg.inv(np.concatenate((along, way[:, :, None]), axis=2))
