@@ -9,16 +9,13 @@ import contextlib
 import os
 import resource
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
-
-if TYPE_CHECKING:
-    from signorini_fx.machine import terminal
 
 T = TypeVar("T")
 
@@ -42,14 +39,6 @@ def peak_memory(comm: MPI.Comm) -> float:
     except (OSError, IndexError):  # not Linux
         megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return float(global_sum(comm, np.array(megabytes)))
-
-
-def log_on_root(comm: MPI.Comm, output: str | Iterable[terminal.TerminalLine], *, error: bool = False) -> None:
-    """Print a text, or lines, once."""
-    if is_root(comm):
-        from signorini_fx.machine import terminal
-
-        terminal.say(output, error=error)
 
 
 def global_sum(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[Any]:

@@ -10,7 +10,10 @@ import re
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 _RANK = ("PMIX_RANK", "OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
@@ -80,6 +83,12 @@ def say(output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
         print("\n".join(shown), file=stream, flush=True)
     except OSError as reason:
         _give_up(stream, reason)
+
+
+def say_once(comm: MPI.Comm, output: str | Iterable[TerminalLine], *, error: bool = False) -> None:
+    """The same on the first rank alone."""
+    if comm.rank == 0:
+        say(output, error=error)
 
 
 def output_lost() -> bool:

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 import signorini_fx
 from signorini_fx.machine import parallel
 from signorini_fx.machine.display import results_of, status_in_words
-from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable
+from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable, say_once
 from signorini_fx.mechanics.assembly.pieces import extent
 from signorini_fx.quantities.shown import brief_lines, row, shown_lines, table
 from signorini_fx.quantities.summary import SCHEMA_VERSION, Price, Quantity, own_quantities
@@ -116,7 +116,7 @@ def print_progress(record: Record) -> None:
 
     Rank 0 of all ranks prints. To be used as ``solve(scene, observers=[print_progress])``, in a script or a notebook.
     """
-    parallel.log_on_root(MPI.COMM_WORLD, table_row(record))
+    say_once(MPI.COMM_WORLD, table_row(record))
 
 
 def lines_of(summary: dict[str, Any], folder: Path) -> list[TerminalLine]:

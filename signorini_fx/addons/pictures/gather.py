@@ -17,7 +17,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx.addons.pictures.body import DrawnBody, normals_of, tiling
 from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.style import Floats
-from signorini_fx.machine import compat, parallel
+from signorini_fx.machine import compat, parallel, terminal
 from signorini_fx.mechanics.assembly.mesh_entities import facet_entities
 from signorini_fx.results.solution import Solution
 from signorini_fx.tuned import ROOT_OF_EPS
@@ -48,7 +48,7 @@ def gather_body(solution: Solution, fields: Sequence[str] = ()) -> DrawnBody | N
     count = int(parallel.global_sum(comm, np.array(len(cells))))
     if dim == 3 and count > MOST_FACETS:
         where = f"its surface has {count} facets, more than {MOST_FACETS}: see it in ParaView"
-        parallel.log_on_root(comm, f"the deformed body is not drawn: {where}")
+        terminal.say_once(comm, f"the deformed body is not drawn: {where}")
         return None
     kind = getattr(basix.CellType, mesh.topology.cell_name())
     corners, sides = basix.geometry(kind), basix.topology(kind)[2]  # of a cell in 2D: itself

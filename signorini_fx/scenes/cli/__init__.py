@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 from signorini_fx.errors import SceneError, SignoriniError, check_fenicsx
 from signorini_fx.machine import terminal
-from signorini_fx.machine.terminal import limit_threads, started_as_root
 from signorini_fx.scenes.cli import commands
 from signorini_fx.scenes.cli.grammar import EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INTERRUPTED, EXIT_OK, parser
 from signorini_fx.tuned import PROGRESS_PAUSE
@@ -33,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
         del sys.argv[1:]  # dolfinx reads them when it is imported, and fails if they are not UTF-8
-    limit_threads()
+    terminal.limit_threads()
     terminal.prepare()
     petsc_options: list[str] = []
     if "--" in arguments:
@@ -57,7 +56,7 @@ def _complain(text: object) -> int:
 
 def on_one_process(run: Callable[[], str | tuple[str, int]]) -> int:
     """Run a command on one of several processes, and print its result, which may come with an exit code."""
-    if not started_as_root():
+    if not terminal.started_as_root():
         return EXIT_OK
     try:
         result = run()
@@ -80,7 +79,7 @@ def on_ranks(run: Callable[[MPI.Comm], int], source: object = None) -> int:
     try:
         check_fenicsx()
     except SignoriniError as error:
-        return _complain(error) if started_as_root() else EXIT_BAD_INPUT
+        return _complain(error) if terminal.started_as_root() else EXIT_BAD_INPUT
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD

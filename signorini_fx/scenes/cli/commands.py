@@ -70,7 +70,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     def show(record: Any) -> None:
         line.erase()
-        parallel.log_on_root(comm, table_row(record))
+        terminal.say_once(comm, table_row(record))
 
     observers: list[Callable[[Any], None]] = [*[show] * options.verbose, *[line] * (not options.quiet)]
     folder: ResultFolder | None = None
@@ -78,7 +78,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         with ResultFolder(comm, path, (*files.FILES, CHECKPOINT)) as folder:
             older = parallel.on_root(comm, lambda: files.title_of_result(path))
             if older not in (None, scene.title) and not options.quiet:
-                parallel.log_on_root(comm, f"{path}: the result of another scene, {older!r}, will be replaced")
+                terminal.say_once(comm, f"{path}: the result of another scene, {older!r}, will be replaced")
             try:
                 given: dict[str, Any] = {"observers": observers, "checkpoint": path, "restart": options.restart}
                 solution = solver.solve(scene, comm, check=False, **given)
@@ -91,16 +91,16 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         where = f": the results are in {path}/" if kept else "; --restart goes on from what is complete"
         raise KeyboardInterrupt(where) from None
     if not options.quiet:
-        parallel.log_on_root(comm, lines_of(summary, path) if options.verbose else short_answer(summary, path))
+        terminal.say_once(comm, lines_of(summary, path) if options.verbose else short_answer(summary, path))
     if not solution.converged:
         # The summary above has said what to do.
         ended = terminal.TerminalLine("signorini-fx: ", outcome(solution, advice=options.quiet), "error")
-        parallel.log_on_root(comm, [ended], error=True)
+        terminal.say_once(comm, [ended], error=True)
         return EXIT_NO_SOLUTION
     if lacking := len(solution.statement.incomplete):
         why = f"the scene lacks {lacking} of what was meant, see incomplete"
         told = terminal.TerminalLine("signorini-fx: ", f"these are results of another problem: {why}", "error")
-        parallel.log_on_root(comm, [told], error=True)
+        terminal.say_once(comm, [told], error=True)
     return EXIT_INCOMPLETE if lacking else EXIT_OK
 
 
@@ -117,20 +117,18 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     solutions = study.sweep(_read_scene(options, comm, leave_out=entry), entry, values, comm)
     rows = []
     with ResultFolder(comm, path, ("sweep.csv",)) as folder:
-        parallel.log_on_root(comm, study.heading(entry))
+        terminal.say_once(comm, study.heading(entry))
         for value, solution in zip(values, solutions, strict=True):
             rows.append(study.row_of(value, solution))
-            parallel.log_on_root(comm, study.line_of(rows[-1]))
+            terminal.say_once(comm, study.line_of(rows[-1]))
         parallel.on_root(comm, lambda: write_csv(folder.part / "sweep.csv", rows))
         folder.commit()
-    parallel.log_on_root(comm, f"results: {path}/")
+    terminal.say_once(comm, f"results: {path}/")
     return EXIT_OK if all(row["status"] == Status.CONVERGED.value for row in rows) else EXIT_NO_SOLUTION
 
 
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Print what acts in a scene, its cost and findings, without solving it."""
-    from signorini_fx.machine import parallel
-
     try:
         scene = _read_scene(options, comm)
         from signorini_fx.scenes.checks import check_scene, text_of
@@ -143,23 +141,22 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
         if options.json:
             problems = error.problems if isinstance(error, SceneError) else [("mesh", str(error))]
             report = {"problems": [{"path": path, "message": message} for path, message in problems]}
-            parallel.log_on_root(comm, json.dumps(report, indent=2))
+            terminal.say_once(comm, json.dumps(report, indent=2))
         raise
     text = text_of(checked, verbose=options.verbose)
-    parallel.log_on_root(comm, json.dumps(checked.as_dict(), indent=2) if options.json else text)
+    terminal.say_once(comm, json.dumps(checked.as_dict(), indent=2) if options.json else text)
     return EXIT_OK
 
 
 def info(_: argparse.Namespace, comm: MPI.Comm) -> int:
     """Print versions and the factorisations in use."""
     from signorini_fx.algebra.linalg.factorisation import factorisation_package
-    from signorini_fx.machine import parallel
     from signorini_fx.results.summary import versions
 
     lines = [f"{name:14s} {version}" for name, version in versions().items()]
     lines.append(f"{'Cholesky':14s} {factorisation_package(comm, symmetric=True)}")
     lines.append(f"{'LU':14s} {factorisation_package(comm, symmetric=False)}")
-    parallel.log_on_root(comm, "\n".join(lines))
+    terminal.say_once(comm, "\n".join(lines))
     return EXIT_OK
 
 
@@ -205,7 +202,7 @@ def judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
     # It reads and solves on one rank alone; the others wait for its verdict.
     judgement = parallel.on_root(comm, lambda: add_on("judge")(options.problem, options.result))
     text = json.dumps(judgement.as_dict(), indent=2) if options.json else str(judgement)
-    parallel.log_on_root(comm, text)
+    terminal.say_once(comm, text)
     return int(judgement.exit_code)
 
 

@@ -11,7 +11,6 @@ from typing import Any, NoReturn
 from signorini_fx import __version__
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import terminal
-from signorini_fx.machine.terminal import started_as_root
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
 
@@ -20,7 +19,7 @@ class _Parser(argparse.ArgumentParser):
     """A parser that prints on one rank, and ends with the exit code of bad input."""
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        if message and started_as_root():
+        if message and terminal.started_as_root():
             terminal.say(message.removesuffix("\n"), error=file is sys.stderr)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -48,7 +47,7 @@ class _Parser(argparse.ArgumentParser):
             self.error(f"{name} {advice}")
 
     def error(self, message: str) -> NoReturn:
-        if started_as_root():
+        if terminal.started_as_root():
             usage = terminal.TerminalLine(self.format_usage().removesuffix("\n"))
             terminal.say([terminal.TerminalLine(f"{self.prog}: ", message, "error"), usage], error=True)
         self.exit(EXIT_BAD_INPUT)
