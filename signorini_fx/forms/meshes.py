@@ -23,15 +23,13 @@ from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.solving import meshed_problem, to_accuracy
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
-from signorini_fx.solving.meshed_problem import MeshedProblem, SolvedMesh
-from signorini_fx.solving.to_accuracy import Meshes
 
 AnyMesh: TypeAlias = "dmesh.Mesh | TaggedMesh"
 Make = Callable[[Any], Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeshedForms(MeshedProblem):
+class MeshedForms(meshed_problem.MeshedProblem):
     """What makes a ``ContactProblem`` on a mesh, of dolfinx where that is ``plain``.  ``family``: makes finer meshes
     anew; None: cells are divided.
     """
@@ -85,12 +83,12 @@ class MeshedForms(MeshedProblem):
 
     def solve(
         self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
-    ) -> tuple[SolvedMesh, list[Errors]]:
+    ) -> tuple[meshed_problem.SolvedMesh, list[Errors]]:
         solver = self.solver
         solver.coarser, solver.coarser_state = coarser, state
         unsolved = solver.attempt()
         errors = [self.made.errors] if self.estimable and not unsolved else []
-        return SolvedMesh(self.made.solution, self.tagged, solver.task, solver.outcome), errors
+        return meshed_problem.SolvedMesh(self.made.solution, self.tagged, solver.task, solver.outcome), errors
 
 
 def solve_nested(
@@ -170,7 +168,7 @@ def solve_to_accuracy(
     if wrong:
         raise FormError(wrong, "solve_to_accuracy")
     budget = to_accuracy.Budget.begins(accuracy, first.comm, first.history)
-    meshes = Meshes(first, accuracy, adaptive=adaptive, made=made, any_jump=made)
+    meshes = to_accuracy.Meshes(first, accuracy, adaptive=adaptive, made=made, any_jump=made)
     solution = to_accuracy.solve_to_accuracy(meshes, budget)
     asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
     return _checked(replace(solution, model=asked))

@@ -109,9 +109,3 @@ def _numbers(value: Any, key: str) -> Any:
     if isinstance(value, list):
         return [math.nan if item is None else _numbers(item, key) for item in value]
     return math.nan if value is None and key in _ALWAYS_NUMBERS else value
-
-
-def seconds_of(summary: Mapping[str, Any]) -> float:
-    """The time of the solve, on all its meshes."""
-    solved = [row["seconds"] for row in summary.get("convergence_table", []) if not row["predicted"]]
-    return float(sum(solved) if solved else sum(summary.get("timings", {}).values()))

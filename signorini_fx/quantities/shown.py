@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from signorini_fx.machine.display import clean, effort_in_words, on_several_bodies, touch_each_other
-from signorini_fx.machine.result_files import seconds_of
 from signorini_fx.machine.terminal import TerminalLine
 from signorini_fx.mechanics.kinematics import of_data
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
@@ -485,7 +484,9 @@ def _left(summary: Summary) -> list[str | TerminalLine]:
 
 def _effort(summary: Summary) -> list[str | TerminalLine]:
     ranks = f" on {summary['ranks']} ranks" if summary["ranks"] > 1 else ""
-    return [f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds_of(summary):.1f} s"]
+    solved = [row["seconds"] for row in summary.get("convergence_table", []) if not row["predicted"]]
+    seconds = sum(solved) if solved else sum(summary.get("timings", {}).values())
+    return [f"{effort_in_words(summary)}, {summary['dofs']} unknowns{ranks}, {seconds:.1f} s"]
 
 
 _TABLE = (

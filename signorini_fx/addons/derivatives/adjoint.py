@@ -25,7 +25,6 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, inner, length, unit
 from signorini_fx.algebra.contact.state import PointState
 from signorini_fx.algebra.linalg import ElasticSystem, petsc_calls, petsc_options
-from signorini_fx.algebra.linalg.petsc_calls import unprinted
 from signorini_fx.algebra.regularised import ContactTangent
 from signorini_fx.errors import SignoriniError
 from signorini_fx.machine import parallel
@@ -169,7 +168,7 @@ class TransposedTangent:
         """Solve for one right-hand side, by a Krylov method to a residual against ``forces``; collective."""
         self.system.keep_factor(self.ksp, False, forces, exact=True)
         x.set(0.0)
-        with petsc_options.defaults(), unprinted():
+        with petsc_options.defaults(), petsc_calls.unprinted():
             petsc_calls.solve(self.ksp.solveTranspose if self._as_it_is else self.ksp.solve, right, x)
         if self.ksp.getConvergedReason() < 0:
             raise SignoriniError("the linear solver has failed for the tangent at the solution: there is no derivative")

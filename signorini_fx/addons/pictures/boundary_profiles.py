@@ -33,7 +33,6 @@ from signorini_fx.addons.pictures.style import (
     plain,
     unit_of,
 )
-from signorini_fx.machine.result_files import Table
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import bracketed
 from signorini_fx.tuned import SMALL_PART
@@ -57,7 +56,7 @@ class ContactColumns:
     """A contact boundary by its name, with its columns of ``contact.csv``, each of shape (n,)."""
 
     name: str
-    columns: Table
+    columns: Mapping[str, Any]
 
     def floats(self, name: str) -> Floats:
         """A numeric column, shape (n,)."""
@@ -104,7 +103,7 @@ class ContactColumns:
         return [str(key) for key in np.where(self.touching, closed, "open")]
 
 
-def by_boundary(table: Table, polygons: Rows) -> Iterator[tuple[ContactColumns, Rows]]:
+def by_boundary(table: Mapping[str, Any], polygons: Rows) -> Iterator[tuple[ContactColumns, Rows]]:
     """Each contact boundary in 3D with its polygons; ``polygons``: rows of the table, shape (m, k)."""
     names = table["boundary"]
     for name in dict.fromkeys(map(str, names)):

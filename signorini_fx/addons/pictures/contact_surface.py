@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,7 +35,6 @@ from signorini_fx.addons.pictures.style import (
     readable,
     unit_of,
 )
-from signorini_fx.machine.result_files import Table
 from signorini_fx.mechanics.statement.units import bracketed, unit
 from signorini_fx.tuned import CLOSED_IN_PICTURE, LONGEST_ARROW, MOST_ARROWS, SURFACE_MARGIN
 
@@ -74,7 +74,7 @@ class VisibleSide(ContactColumns):
         return seen
 
 
-def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
+def sides_of(table: Mapping[str, Any], facets: Rows) -> list[VisibleSide]:
     """The contact boundaries in their order, each as seen along the mean normal of the facets in contact.
 
     A boundary that is so curved that parts of it face the other way, such as the wall of a hole, is seen from a second
@@ -97,7 +97,7 @@ def sides_of(table: Table, facets: Rows) -> list[VisibleSide]:
 
 
 @mpl.rc_context(STYLE)
-def contact_surface(table: Table, facets: Rows) -> Figure:
+def contact_surface(table: Mapping[str, Any], facets: Rows) -> Figure:
     """Draw each contact boundary of a body in 3D, seen along its outward normal through the body.
 
     Contact pressure in colour where a facet is in contact, linear between the nodes, and the shear stress mu as arrows.

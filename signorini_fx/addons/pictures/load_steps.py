@@ -25,7 +25,6 @@ from signorini_fx.addons.pictures.style import (
     plain,
     unit_of,
 )
-from signorini_fx.machine.result_files import Table
 from signorini_fx.records import Status
 from signorini_fx.tuned import NEGLIGIBLE, ZERO_IN_SOLUTION
 
@@ -44,7 +43,7 @@ class _Curve:
 
 
 @mpl.rc_context(STYLE)
-def load_steps(steps: Table, *, around: bool = False) -> Figure:
+def load_steps(steps: Mapping[str, Any], *, around: bool = False) -> Figure:
     """Draw the forces of the foundation on the body step by step, and below the largest component of the friction force
     against the motion, or the torque of friction; of several boundaries the largest components of each.  On a boundary
     that closes around a body forces balance each other: there the integral of the pressure and the moment of friction.
@@ -81,7 +80,7 @@ def load_steps(steps: Table, *, around: bool = False) -> Figure:
     return figure
 
 
-def _columns(steps: Table, kind: str, axes: Sequence[str], end: str) -> list[_Curve]:
+def _columns(steps: Mapping[str, Any], kind: str, axes: Sequence[str], end: str) -> list[_Curve]:
     """The components of a quantity of a boundary over time."""
     words = {"friction_moment": "moment of friction", "pressure_integral": "integral of the pressure"}
     where, name = f" on {plain(end.strip())}" if end else "", words.get(kind, kind.replace("_", " "))
@@ -93,7 +92,7 @@ def _columns(steps: Table, kind: str, axes: Sequence[str], end: str) -> list[_Cu
     ]
 
 
-def _over_motion(steps: Table, end: str, friction: Sequence[_Curve]) -> _Curve:
+def _over_motion(steps: Mapping[str, Any], end: str, friction: Sequence[_Curve]) -> _Curve:
     """The largest component of friction over the motion along it, in 2D along the boundary; or the torque."""
     name = "mean_tangential_displacement"
     if "torque" in steps:

@@ -15,7 +15,6 @@ from signorini_fx.addons.pictures.fields import FIELDS
 from signorini_fx.addons.pictures.gather import gather_body
 from signorini_fx.addons.pictures.rigid_shapes import drawn_shapes, tools_of
 from signorini_fx.addons.pictures.style import finish, plain
-from signorini_fx.machine.result_files import Table
 from signorini_fx.machine.terminal import say
 from signorini_fx.mechanics.contact_points.contact_table import ContactTable
 from signorini_fx.mechanics.statement.units import labelled
@@ -76,7 +75,7 @@ class ResultPictures:
         self,
         folder: Path,
         contact: ContactTable | None,
-        steps: Table | None,
+        steps: Mapping[str, Any] | None,
         largest: tuple[Sequence[float], str] | None,
     ) -> None:
         """All of them.  ``steps``: columns of steps.csv; ``largest``: where the von Mises stress is largest, and its
@@ -127,7 +126,7 @@ class ResultPictures:
             figure, remark = draw(body, name, foundations=foundations, largest=marked)
             self._write(folder / ("deformed" if name == self.fields[0] else f"field_{name}"), figure, remark)
 
-    def _draw_curves(self, folder: Path, contact: ContactTable | None, steps: Table | None) -> None:
+    def _draw_curves(self, folder: Path, contact: ContactTable | None, steps: Mapping[str, Any] | None) -> None:
         from signorini_fx.addons.pictures.load_steps import errors_and_costs, load_steps
 
         if prices := [row.model_dump() for row in self.solution.convergence_table]:

@@ -71,19 +71,23 @@ class FrictionAxes:
 
         across = np.linalg.norm(np.cross(normal, self.along), axis=1)
         longest = parallel.largest(comm, np.linalg.norm(self.along, axis=1))
-        if parallel.any_rank(comm, not (across > CERTIFICATE_TOLERANCE * longest).all()):
-            reason = "is zero or along the normal somewhere: it must have a part along the foundation"
-            raise FormError([(f"{path}.along", reason)])
+        reason = "is zero or along the normal somewhere: it must have a part along the foundation"
+        _refuse_where(~(across > CERTIFICATE_TOLERANCE * longest), f"{path}.along", reason, comm)
         self.check_supports(movable(), path, comm)
 
     def check_supports(self, movable: Array, path: str, comm: Any) -> None:
         """Whether what may move at the points is along the axes, see ``check``; collective."""
-        from signorini_fx.machine import parallel
-
         askew = np.abs(movable[self.along.any(axis=1)] * (1 - np.eye(3))) > ROOT_OF_EPS
-        if parallel.any_rank(comm, bool(askew.any())):
-            why = "a support prescribes the displacement there neither along nor across it, nor along the normal"
-            raise FormError([(f"{path}.along", f"{why}, which is not possible yet with a ratio")])
+        why = "a support prescribes the displacement there neither along nor across it, nor along the normal"
+        _refuse_where(askew, f"{path}.along", f"{why}, which is not possible yet with a ratio", comm)
+
+
+def _refuse_where(wrong: Any, key: str, reason: str, comm: Any) -> None:
+    """Refuse a law if any point of any rank is wrong; collective."""
+    from signorini_fx.machine import parallel
+
+    if parallel.any_rank(comm, bool(wrong.any())):
+        raise FormError([(key, reason)])
 
 
 class DirectedLaw(FrictionLaw):
@@ -120,14 +124,11 @@ class DirectedLaw(FrictionLaw):
         """The axes of friction at nodes; None: it has no direction; ``at``: evaluates data at nodes, see
         ``assembly.nodal_values.NodalValues``; ``path``: of the law, for errors; collective.
         """
-        from signorini_fx.machine import parallel
-
         if self.ratio is None:
             return None
         if dimension < 3:
             raise FormError([(f"{path}.ratio", "the mesh is plane: friction has one direction there, leave it out")])
         ratio = at(self.ratio, f"{path}.ratio", minimum=0.0)
-        if parallel.any_rank(comm, not (ratio[np.isfinite(ratio)] > 0).all()):
-            raise FormError([(f"{path}.ratio", "must be above 0")])
+        _refuse_where(np.isfinite(ratio) & ~(ratio > 0), f"{path}.ratio", "must be above 0", comm)
         form = hasattr(self.along, "ufl_shape")
         return FrictionAxes(at(self.along if form else self.vectors, f"{path}.along", 3), ratio)
