@@ -372,14 +372,10 @@ class ContactProblem(ProblemOfForms):
         return self.u
 
     def _through(self, *run: Any) -> Solution:
-        from signorini_fx.forms.steps import solve_path
-        from signorini_fx.results.solution import ConvergenceError
+        from signorini_fx.forms.steps import checked, solve_path
 
         self._ran = solve_path(self.assembled, *run)
-        solution = self.solution
-        if not solution.converged:
-            raise ConvergenceError(solution)
-        return solution
+        return checked(self.solution)
 
     def _differentiated(self) -> tuple[Any, ...]:
         solver = self.assembled

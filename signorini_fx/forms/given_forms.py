@@ -20,6 +20,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.machine import compat, parallel
 from signorini_fx.machine.compilation import compiling
+from signorini_fx.mechanics.effects.contact import Contact
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import of_components
 from signorini_fx.mechanics.laws.coulomb import NoFriction
@@ -29,12 +30,11 @@ from signorini_fx.mechanics.model import ElasticBody, Model
 from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies
 from signorini_fx.mechanics.statement.load_path import LoadPath, LoadSteps
 from signorini_fx.mechanics.statement.settings import Discretised, SolverSettings
+from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.mechanics.statement.values import kind_of
 
 if TYPE_CHECKING:
-    from signorini_fx.mechanics.effects.contact import Contact
     from signorini_fx.mechanics.obstacles.paired_points import PairedSides
-    from signorini_fx.mechanics.statement.statement import Statement
 
 Facets = npt.NDArray[np.int32]
 Law = Callable[[Any], Any]
@@ -98,8 +98,6 @@ def given_forms(
 
 def contact_entry(entry: Foundation | Pair, name: str, against: str | None) -> Contact:
     """A foundation or a pair as a scene lists it."""
-    from signorini_fx.mechanics.effects.contact import Contact
-
     kind = "bonded" if entry.bonded else "bilateral" if entry.bilateral else "unilateral"
     described: dict[str, Any] = {"boundary": name, "friction": entry.friction or NoFriction(), "kind": kind}
     if isinstance(entry, Pair):
@@ -121,7 +119,6 @@ def named_parts(
 
     A contact, or the other side of a pair, has the name of the part of the boundary with the same facets, or a number.
     """
-    from signorini_fx.mechanics.statement.statement import Statement
 
     def name(part: Facets, otherwise: str) -> str:
         for known, facets in forms.boundaries.items():

@@ -12,6 +12,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.forms.solver import FormSolver
+from signorini_fx.forms.steps import checked
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
@@ -20,7 +21,7 @@ from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
 from signorini_fx.results.accuracy.error_estimates import Errors
-from signorini_fx.results.solution import ConvergenceError, Solution
+from signorini_fx.results.solution import Solution
 from signorini_fx.solving import meshed_problem, to_accuracy
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 
@@ -128,7 +129,7 @@ def solve_nested(
                 problem = problem.divided(2**number) if callable(mesh) else problem.on(refine(problem.tagged))
             yield problem
 
-    return _checked(meshed_problem.solve_nested(problems(), levels, first.comm, first.history))
+    return checked(meshed_problem.solve_nested(problems(), levels, first.comm, first.history))
 
 
 def solve_to_accuracy(
@@ -171,7 +172,7 @@ def solve_to_accuracy(
     meshes = to_accuracy.Meshes(first, accuracy, adaptive=adaptive, made=made, any_jump=made)
     solution = to_accuracy.solve_to_accuracy(meshes, budget)
     asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
-    return _checked(replace(solution, model=asked))
+    return checked(replace(solution, model=asked))
 
 
 def _first(
@@ -202,9 +203,3 @@ def _tagged(mesh: Any) -> TaggedMesh:
     if not isinstance(mesh, dmesh.Mesh):
         raise FormError([("mesh", f"must be a mesh, a TaggedMesh, or a function that makes one, not {kind_of(mesh)}")])
     return tag_boundaries(mesh, {})
-
-
-def _checked(solution: Solution) -> Solution:
-    if not solution.converged:
-        raise ConvergenceError(solution)
-    return solution

@@ -17,7 +17,7 @@ from signorini_fx.mechanics.statement.load_path import LoadPath
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import Status, Timings
 from signorini_fx.results.mechanics import StepResult
-from signorini_fx.results.solution import Solution
+from signorini_fx.results.solution import ConvergenceError, Solution
 from signorini_fx.results.step_frames import StepEnd
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
 from signorini_fx.solving.load_steps import BegunStep, Increments, SteppedBody, StepProgress
@@ -86,6 +86,13 @@ def solution_of(solver: FormSolver, progress: StepProgress | None, title: str) -
     body = replace(solver.model(path, title), settled=settled)
     found = partial(findings_of_steps, body, steps, [], solver.foundations.placed_shapes)
     return contact_solution(body, steps, solver.task, ended, solver.timings, found)
+
+
+def checked(solution: Solution) -> Solution:
+    """The same, if it is a solution, else a ``ConvergenceError``."""
+    if not solution.converged:
+        raise ConvergenceError(solution)
+    return solution
 
 
 def begun_path(
