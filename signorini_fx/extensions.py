@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from signorini_fx.errors import InstallationError, MissingPackageError
+from signorini_fx.removed import removal
 
 ADD_ONS = "signorini_fx.add_ons"
 EFFECTS = "signorini_fx.effects"
@@ -43,8 +44,6 @@ def register(group: str, name: str, extension: Any) -> None:
         InstallationError: there is no such group.
     """
     if group not in GROUPS:
-        from signorini_fx.removed import removal
-
         reason = removal(group) or f"is no group of extensions; these are: {', '.join(GROUPS)}"
         raise InstallationError(f"{group!r} {reason}")
     _registered.setdefault(group, {})[name] = extension
@@ -94,8 +93,6 @@ def add_on(name: str) -> Any:
     """
     entry = _installed(tuple(sys.path))[ADD_ONS].get(name)
     if entry is None:
-        from signorini_fx.removed import removal
-
         raise InstallationError(f"{name!r} {removal(name) or 'is an add-on of signorini_fx that is not installed'}")
     try:
         return entry.load()

@@ -1,4 +1,4 @@
-"""Names that left the package, and what to use instead of each; imported only when an error is made."""
+"""Names that left the package, and what to use instead of each."""
 
 from __future__ import annotations
 

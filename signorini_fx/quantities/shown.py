@@ -218,7 +218,7 @@ class Shown:
     unit: str = ""  # of the number
 
 
-def table() -> list[Shown]:
+def all_shown() -> list[Shown]:
     """All that is shown, in its order, those of others last."""
     own = (Shown(one.key, one.key.replace("_", " "), brief=True, unit=one.unit) for one in own_quantities())
     return [*_TABLE, *own]
@@ -239,7 +239,7 @@ def brief_lines(summary: Summary) -> list[TerminalLine]:
     """What is asked first of a solution, be it that of an earlier load step; without one there is nothing."""
     if not validity_of(summary).solved:
         return []
-    return [line for shown in table() if shown.brief for line in shown_lines(shown, summary)]
+    return [line for shown in all_shown() if shown.brief for line in shown_lines(shown, summary)]
 
 
 def error_of(summary: Mapping[str, Any], key: str) -> float | None:

@@ -22,7 +22,7 @@ from signorini_fx.machine import parallel
 from signorini_fx.machine.display import results_of, status_in_words
 from signorini_fx.machine.terminal import COLUMNS, TerminalLine, printable, say_once
 from signorini_fx.mechanics.assembly.pieces import extent
-from signorini_fx.quantities.shown import brief_lines, row, shown_lines, table
+from signorini_fx.quantities.shown import all_shown, brief_lines, row, shown_lines
 from signorini_fx.quantities.summary import SCHEMA_VERSION, Price, Quantity, own_quantities
 from signorini_fx.quantities.values import NO_BOUND, afterwards, of_results, of_step
 from signorini_fx.records import Finding, OuterRecord, Record, StepRecord
@@ -157,7 +157,7 @@ def _figures(summary: dict[str, Any]) -> list[TerminalLine]:
     lines = [_heading(summary), *_outcome(summary), *method, *_pieces(summary["pieces"]), *_warnings(summary)]
     if not summary["converged"] and summary["linear_solves"] == 0:  # follows from statics: there are no figures
         return lines
-    lines += [line for shown in table() for line in shown_lines(shown, summary)]
+    lines += [line for shown in all_shown() for line in shown_lines(shown, summary)]
     lines.append(row("seconds", ", ".join(f"{name} {value:.2f}" for name, value in summary["timings"].items())))
     if "convergence_table" in summary:
         prices = [Price(**price) for price in summary["convergence_table"]]

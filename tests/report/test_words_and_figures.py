@@ -5,7 +5,7 @@ import re
 import pytest
 
 from signorini_fx.addons.report import sections
-from signorini_fx.quantities.shown import figure, shown_lines, table
+from signorini_fx.quantities.shown import all_shown, figure, shown_lines
 
 
 def texts_of(markup):
@@ -13,7 +13,7 @@ def texts_of(markup):
 
 
 def lines_of(key, summary):
-    return list(map(str, shown_lines(next(shown for shown in table() if shown.key == key), summary)))
+    return list(map(str, shown_lines(next(shown for shown in all_shown() if shown.key == key), summary)))
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from signorini_fx.machine.display import effort_in_words, results_of, status_in_
 from signorini_fx.mechanics.statement.units import names_of, unit
 from signorini_fx.quantities.shown import (
     Validity,
+    all_shown,
     brief_lines,
     has_friction,
     kinematics_of,
@@ -33,7 +34,6 @@ from signorini_fx.quantities.shown import (
     validity_of,
     was_solved,
 )
-from signorini_fx.quantities.shown import table as table_of_results
 from signorini_fx.quantities.summary import CertificateFigures
 from signorini_fx.records import JUDGED
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE
@@ -88,7 +88,7 @@ def no_result(summary: dict[str, Any]) -> str:
 
 def figures(summary: dict[str, Any]) -> Markup:
     """The results that ``--verbose`` prints beside those of the outcome."""
-    lines = [line for shown in table_of_results() if not shown.brief for line in shown_lines(shown, summary)]
+    lines = [line for shown in all_shown() if not shown.brief for line in shown_lines(shown, summary)]
     rows = [(line.begin.strip(), in_text(line.text)) for line in lines]
     return joined([table(["result", ""], rows), part("note", _note(summary))])
 

@@ -12,14 +12,16 @@ from scipy.spatial import cKDTree
 
 from signorini_fx.mechanics.mesh.files.arrays import MeshArrays, bounds, extent, row_keys, sides_of
 from signorini_fx.mechanics.mesh.files.cells import Ints, measures
+from signorini_fx.mechanics.mesh.files.formats import read_file
+from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 from signorini_fx.tuned import NOTHING_LEFT
 
 # The names of the size of the body and of its boundaries, by dimension.
 _MEASURES = {2: ("area", "length"), 3: ("volume", "area")}
 
 
-def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
-    """A summary that JSON can hold.
+def mesh_info(file: MeshFile) -> dict[str, Any]:
+    """A summary of a file that JSON can hold.
 
     Returns:
         ``cells``, ``kind``, ``degree`` (of the geometry), ``points``, ``bounds`` ([low, high], one pair of coordinates
@@ -28,6 +30,7 @@ def mesh_info(mesh: MeshArrays) -> dict[str, Any]:
         without a name) with ``facets``, ``bounds`` and ``length``, in 3D ``area``; ``regions`` with ``cells`` and
         ``area``, in 3D ``volume``.
     """
+    mesh = read_file(file)
     size, areas = measures(mesh.points, mesh.cells, mesh.cell), measures(mesh.points, mesh.facets, mesh.facet)
     measure, of_facets = _MEASURES[mesh.dim]
 

@@ -15,6 +15,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.values import shown
+from signorini_fx.removed import removal
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
@@ -198,8 +199,6 @@ def _problem(detail: Any, data: Mapping[str, Any], model: type[BaseModel]) -> tu
 
 def _removal(detail: Any, path: str) -> str:
     """What to do instead, if the key at this path or its value has left this package; "": it has not."""
-    from signorini_fx.removed import removal
-
     match detail:
         case {"type": "extra_forbidden"}:
             return removal(path)

@@ -37,6 +37,7 @@ from signorini_fx.mechanics.statement.rigid_body import (
     TimedVector,
 )
 from signorini_fx.mechanics.statement.values import Vector, kind_of, shown
+from signorini_fx.removed import removal
 from signorini_fx.tuned import DIFFERENCE_STEP, SAME_LENGTH, WRONG_SLOPE, ZERO_IN_SOLUTION
 
 Array = npt.NDArray[np.float64]
@@ -325,8 +326,6 @@ def read_shape(entry: Any) -> Any:
         raise ValueError(f'a table is expected, such as {{ shape = "plane", point = [...] }}, not {kind_of(entry)}')
     name = entry.get("shape")
     if name not in [*_SHAPES] and name not in names():
-        from signorini_fx.removed import removal
-
         if advice := removal(f"shape = {name}"):
             raise refused("Shape", [(("shape",), f"{shown(name)} {advice}")])
         raise ValueError(f"shape must be one of {', '.join(names())}, got {shown(name)}")

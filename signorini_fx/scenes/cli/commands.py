@@ -209,11 +209,10 @@ def judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def mesh_info(options: argparse.Namespace) -> str:
     """Describe a mesh file."""
     from signorini_fx.mechanics.mesh import info
-    from signorini_fx.mechanics.mesh.files.formats import read_file
     from signorini_fx.mechanics.statement.mesh_sources import MeshFile
 
     mesh = MeshFile(file=options.file, size=options.size)
-    described = info.mesh_info(read_file(mesh))
+    described = info.mesh_info(mesh)
     if options.picture is not None:
         from mpi4py import MPI
 

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 from signorini_fx import __version__
 from signorini_fx.errors import SceneError
 from signorini_fx.machine import terminal
+from signorini_fx.removed import removal
 
 EXIT_OK, EXIT_NO_SOLUTION, EXIT_BAD_INPUT, EXIT_CRASH, EXIT_INCOMPLETE, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
 
@@ -40,8 +41,6 @@ class _Parser(argparse.ArgumentParser):
 
     def _refuse_removed(self, *words: str) -> None:
         """End with what to do instead, if a command, an option or its value has left this package."""
-        from signorini_fx.removed import removal
-
         name = " ".join((self.prog, *words))
         if advice := removal(name):
             self.error(f"{name} {advice}")
