@@ -372,10 +372,10 @@ class ContactProblem(ProblemOfForms):
         return self.u
 
     def _through(self, *run: Any) -> Solution:
-        from signorini_fx.forms.steps import checked, solve_path
+        from signorini_fx.forms.steps import converged, solve_path
 
         self._ran = solve_path(self.assembled, *run)
-        return checked(self.solution)
+        return converged(self.solution)
 
     def _differentiated(self) -> tuple[Any, ...]:
         solver = self.assembled

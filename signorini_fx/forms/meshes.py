@@ -12,7 +12,7 @@ from dolfinx import mesh as dmesh
 from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ContactProblem
 from signorini_fx.forms.solver import FormSolver
-from signorini_fx.forms.steps import checked
+from signorini_fx.forms.steps import converged
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.mesh.refinement import check_divisible, refine
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, tag_boundaries
@@ -129,7 +129,7 @@ def solve_nested(
                 problem = problem.divided(2**number) if callable(mesh) else problem.on(refine(problem.tagged))
             yield problem
 
-    return checked(meshed_problem.solve_nested(problems(), levels, first.comm, first.history))
+    return converged(meshed_problem.solve_nested(problems(), levels, first.comm, first.history))
 
 
 def solve_to_accuracy(
@@ -172,7 +172,7 @@ def solve_to_accuracy(
     meshes = to_accuracy.Meshes(first, accuracy, adaptive=adaptive, made=made, any_jump=made)
     solution = to_accuracy.solve_to_accuracy(meshes, budget)
     asked = replace(solution.model, statement=replace(solution.statement, accuracy=accuracy))
-    return checked(replace(solution, model=asked))
+    return converged(replace(solution, model=asked))
 
 
 def _first(

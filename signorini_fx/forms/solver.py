@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -42,11 +42,9 @@ from signorini_fx.records import History, Status, Timings
 from signorini_fx.results.certificate.certificate import Certificate
 from signorini_fx.results.certificate.law_of_method import PreviousStep
 from signorini_fx.results.contact_fields import ContactFields
+from signorini_fx.results.mechanics import StepResult
 from signorini_fx.results.step_frames import LastSolution, StepEnd, from_rest
 from signorini_fx.solving.load_steps import BegunStep, SteppedBody, first_start
-
-if TYPE_CHECKING:
-    from signorini_fx.results.mechanics import StepResult
 
 
 class FormSolver:

@@ -88,7 +88,7 @@ def solution_of(solver: FormSolver, progress: StepProgress | None, title: str) -
     return contact_solution(body, steps, solver.task, ended, solver.timings, found)
 
 
-def checked(solution: Solution) -> Solution:
+def converged(solution: Solution) -> Solution:
     """The same, if it is a solution, else a ``ConvergenceError``."""
     if not solution.converged:
         raise ConvergenceError(solution)

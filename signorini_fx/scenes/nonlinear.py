@@ -17,8 +17,8 @@ from dolfinx import fem
 
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.forms.nonlinear.linearised import State
-from signorini_fx.forms.nonlinear.load_continuation import Continuation
 from signorini_fx.forms.nonlinear.moving_shapes import fitting
+from signorini_fx.forms.nonlinear.newton import Continuation
 from signorini_fx.forms.nonlinear.problem import NonlinearContactProblem, linearised_at
 from signorini_fx.forms.nonlinear.results import ResidualBody
 from signorini_fx.machine import parallel

@@ -1,5 +1,5 @@
 """``NonlinearContactProblem``: contact and friction for anybody's residual, in the idiom of dolfinx's
-``NonlinearProblem``; see ``newton`` for one step, ``load_continuation`` for the way through load steps.
+``NonlinearProblem``; see ``newton`` for one step and the way through load steps.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from signorini_fx.errors import FormError
 from signorini_fx.forms.contact_problem import ProblemOfForms
 from signorini_fx.forms.given_forms import foundations_of, model_of, named_parts, space_of, supported
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem
-from signorini_fx.forms.nonlinear.load_continuation import Continuation
-from signorini_fx.forms.nonlinear.newton import EquilibriumSolver
+from signorini_fx.forms.nonlinear.newton import Continuation, EquilibriumSolver
 from signorini_fx.forms.nonlinear.residual import Residual, Tangents, refuse_miscompiled
 from signorini_fx.forms.nonlinear.results import (
     ResidualBody,
