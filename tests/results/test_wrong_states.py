@@ -118,8 +118,8 @@ WRONG = {
 }
 # What joins two bodies, spoilt after it was set up.
 MAPS = {
-    "forces of the slave": lambda map: {"slave": 1.001 * map.slave},
-    "forces of the master": lambda map: {"master": 1.001 * map.master},
+    "forces of the slave": lambda map: {"both": sp.hstack((1.001 * map.slave, -map.master), format="csr")},
+    "forces of the master": lambda map: {"both": sp.hstack((map.slave, -1.001 * map.master), format="csr")},
     "moments of both": lambda map: {"turning": map.turning + 1e-3 * sp.eye_array(*map.turning.shape)},
     "distance": lambda map: {"distance": map.distance + 1e-3},
     "area": lambda map: {"weight": 1.001 * map.weight},
