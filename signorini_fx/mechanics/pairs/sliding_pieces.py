@@ -130,8 +130,8 @@ class SlidingPieces:
         sparse, shape (n k, d m).
         """
         total, dim = np.zeros(1), self.facing.shape[2]
-        for slope, dual in zip(self.slope, self.dual, strict=True):
-            bent = self.weighted[..., None] * (slope @ self.bend)[:, :, None]
+        for k, dual in enumerate(self.dual):
+            bent = self.weighted[..., None] * (self.slope[k] @ self.bend)[:, :, None]
             bent = bent.reshape(*bent.shape[:2], -1).swapaxes(1, 2)
             total = total - np.matmul(bent, self._rows(self.share, dual, dual))
         components = (dim * self.points[..., None] + np.arange(dim)).reshape(len(total), -1)
