@@ -130,10 +130,10 @@ class SlidingPieces:
         sparse, shape (n k, d m).
         """
         total, dim = np.zeros(1), self.facing.shape[2]
-        for k, dual in enumerate(self.dual):
-            bent = self.weighted[..., None] * (self.slope[k] @ self.bend)[:, :, None]
+        for k, slope in enumerate(self.slope):
+            bent = self.weighted[..., None] * (slope @ self.bend)[:, :, None]
             bent = bent.reshape(*bent.shape[:2], -1).swapaxes(1, 2)
-            total = total - np.matmul(bent, self._rows(self.share, dual, dual))
+            total = total - np.matmul(bent, self._rows(self.share, self.dual[k], self.dual[k]))
         components = (dim * self.points[..., None] + np.arange(dim)).reshape(len(total), -1)
         return self._at_points(along_vectors(along, in_blocks(self.mean, dim)), total, components)
 
