@@ -128,6 +128,7 @@ WRONG = {
         "constants_at_rest": property(lambda self: (self.shear, 1.1 * self.bulk))
     },
     "both must be positive": {"constants_at_rest": property(lambda self: (self.shear, -self.bulk))},
+    "inf.*both must be positive": {"constants_at_rest": property(lambda self: (self.shear, float("inf")))},
     "does not say all": {"shape_energy": Hyperelastic.shape_energy},
     "fails: ZeroDivisionError": {"volume_energy": lambda self, volume: 1 / 0},
 }

@@ -92,6 +92,19 @@ def test_sides_that_have_moved(kind, seed):
     assert max(differences(kind, seed, slides=True)) < 1e-8
 
 
+def test_points_at_a_rim():
+    """Where a node has hardly anything of the other side, those that are wholly over it keep their weights."""
+    (nodes, x), (others, y) = level(2, 4, -0.5, 0.5), level(2, 3, -0.9, 0.3)
+    slave, master = (
+        PairSurface.of(of_side, at, Lagrange(np.array(PLACES[2])), np.full(len(of_side), sign)).displaced(0 * at)
+        for of_side, at, sign in ((nodes, x, 1.0), (others, y, -1.0))
+    )
+    found = slide(slave, master, np.arange(len(x)), 0.5)
+    assert found.frames.partnered.all()
+    assert found.weight[:3] == pytest.approx([0.125, 0.25, 0.25], rel=1e-12)
+    assert found.weight.sum() == pytest.approx(0.8)
+
+
 @pytest.mark.parametrize(
     "kind", [*BUT_SLOW, *(pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES if kind not in SLIDING)]
 )
