@@ -161,6 +161,7 @@ def test_a_problem_of_forms_has_the_results_of_its_scene(scene, tmp_path):
         with pytest.raises(RuntimeError, match="no solution so far"):
             getattr(problem, results)
     problem.solve()
+    assert problem.solution.model.scales.modulus == pytest.approx(solution.model.scales.modulus, rel=1e-9)
     of_scene = write_results(solution, folder / "scene", pictures=False)
     of_forms = problem.write(folder / "forms", title=scene.title, pictures=False)
     assert differences(of_scene, of_forms) == []

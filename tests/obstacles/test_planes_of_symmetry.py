@@ -26,7 +26,9 @@ def doubled(cells, x, axis):
     return np.searchsorted(used, both), every[used]
 
 
-def pressed(kind, degree, counts, *, half, slope=0.0, comm=MPI.COMM_SELF, side=0.0, of_master=None, **given):
+def pressed(
+    kind, degree, counts, *, half, slope=0.0, comm=MPI.COMM_SELF, side=0.0, of_master=None, beyond=-9.0, **given
+):
     """A block pressed into another one and pushed along the plane of symmetry, which is across the last but one axis.
 
     Args:
@@ -38,6 +40,7 @@ def pressed(kind, degree, counts, *, half, slope=0.0, comm=MPI.COMM_SELF, side=0
         comm: the ranks.
         side: displacement across the plane that the slave's support there prescribes.
         of_master: the same for the master; None: it is not held there.
+        beyond: where along x the support of the master there begins.
         given: friction, bonded, and settings.
     """
     dim = KINDS[kind]
@@ -64,7 +67,10 @@ def pressed(kind, degree, counts, *, half, slope=0.0, comm=MPI.COMM_SELF, side=0
     top, bottom = (facets(mesh, lambda x, z=z: np.isclose(x[up], z)) for z in (1.0, -1.0))
     bcs = [held(space, bottom, k) for k in range(dim)] + [held(space, top, up, -0.03)]
     if half:
-        on_plane = [facets_of_cells(mesh, lambda x: np.isclose(x[axis], 0), own) for own in numbers]
+        on_plane = [
+            facets_of_cells(mesh, lambda x, low=low: np.isclose(x[axis], 0) & (x[0] >= low), own)
+            for own, low in zip(numbers, (-9.0, beyond), strict=True)
+        ]
         for plane, value in zip(on_plane, (side, of_master), strict=True):
             if value is not None:
                 bcs.append(held(space, plane, axis, value))
@@ -151,6 +157,16 @@ def test_where_it_is_no_plane_of_symmetry(of_master):
     on_plane = np.isclose(x[:, 1], 0) & (pressure > 0)
     if side:  # it slides, against the direction in which it is moved
         assert (shear[on_plane, 1] > 0.1 * pressure[on_plane]).all()
+
+
+def test_where_the_master_is_held_elsewhere():
+    """Farther away than a facet is long it is no plane of symmetry of the slave."""
+    problem = pressed("hexahedron", 1, (3, 4), half=True, of_master=0.0, beyond=0.6, friction=Coulomb(0.3))
+    found = problem.assembled.foundations.pairs[0].across.any(axis=(1, 2))
+    x = problem.state.boundary.x
+    on_plane = np.isclose(x[:, 1], 0)
+    assert found[on_plane & (x[:, 0] > 0.6)].all()
+    assert not found[x[:, 0] < 0.1].any()
 
 
 def two_boxes(support, **further):
