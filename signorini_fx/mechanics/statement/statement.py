@@ -82,11 +82,6 @@ class Statement:
         return not all(material.linear for material in self.material)
 
     @property
-    def plastic(self) -> bool:
-        """Whether some material flows at a yield stress."""
-        return any(not material.linear and hasattr(material, "yield_stress") for material in self.material)
-
-    @property
     def finite_strains(self) -> bool:
         """Whether some material knows strains that are not small."""
         return any(material.finite for material in self.material)

@@ -95,7 +95,8 @@ def next_refinement(
             times, degree, first = 2 * times, 2, 4 * dofs  # as in ``_divided``
         meshes = [first * times ** (-dimension / UNIFORM_RATE)]
     # Newton's iterations for metal increase like one over the size of cells: 0.51 for 1/2, mean of 12 problems in 2D.
-    more = 1 / dimension if statement.plastic else 0.0
+    metal = any(not material.linear and hasattr(material, "yield_stress") for material in statement.material)
+    more = 1 / dimension if metal else 0.0
     middle = MESHES_TIMES * sum((fixed + n) * (n / dofs) ** more for n in meshes) / (fixed + dofs)
     return NextRefinement(meshes[0], (middle / spread, middle * spread), degree, local=local)
 
