@@ -10,7 +10,7 @@ from scenes import example1
 from signorini_fx.algebra.linalg.factorisation import factor_entries, has_package
 from signorini_fx.mechanics.body.discretisation import prepare
 from signorini_fx.records import Timings
-from signorini_fx.scenes.checks import factorisation_seconds
+from signorini_fx.results.accuracy.expected_cost import factorisation_seconds
 from signorini_fx.scenes.mesh import load_mesh
 
 # What a core of the 2020s does in a sparse factorisation: from small fronts, where the ordering takes most of the

@@ -1,0 +1,103 @@
+"""What a solve is expected to cost before it begins, and the next accuracy after it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from signorini_fx.algebra.linalg import choice
+from signorini_fx.algebra.linalg.factorisation import factor_entries
+from signorini_fx.machine import parallel
+from signorini_fx.mechanics.model import Model
+from signorini_fx.mechanics.statement.statement import Statement
+from signorini_fx.results.accuracy.next_accuracy import next_refinement
+from signorini_fx.tuned import (
+    BASE_BYTES,
+    BYTES_PER_DOF,
+    DENSE_SPEED,
+    FACTOR_SECONDS,
+    KRYLOV_SECONDS,
+    NEWTON_SOLVES,
+    NEXT_ERROR,
+    PAIRED_BYTES,
+    SOLVE_SECONDS,
+    SOLVES_OF_START,
+    SOLVES_PER_DOUBLING,
+)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A rough estimate, good to a factor of about three, for one core of a machine of the 2020s."""
+
+    unknowns: int  # displacement components that are not prescribed, of the body and of rigid ones
+    linear_algebra: str  # ``full``, ``krylov`` or ``condensed``, and why
+    linear_solves: tuple[int, int]  # from and to, of all load steps
+    seconds: tuple[float, float]  # linear algebra of the whole solve, from and to
+    memory_bytes: float  # of the whole process
+    next_error: float  # the share of the error that the next two are about
+    next_seconds: tuple[float, float]  # that it would take, from and to
+    next_local: bool  # whether cells are divided where the error is; otherwise all become smaller
+
+
+def linear_solves(statement: Statement, nodes: int) -> tuple[int, int]:
+    """Linear solves to expect, from and to."""
+    steps, finer = statement.expected_steps, statement.solver.levels - 1
+    if statement.nonlinear:
+        return NEWTON_SOLVES[0] * steps, NEWTON_SOLVES[1] * steps
+    if not statement.contact:
+        return steps * (1 + finer), steps * (1 + finer)
+    size = math.log2(max(nodes / 2**finer, 4))
+    size *= 2 if any(contact.coulomb for contact in statement.contact) else 1
+    low, high = (round(factor * size) for factor in SOLVES_PER_DOUBLING)
+    # A later load step starts from the sets of the previous one, a finer mesh from those of the coarser one.
+    least, greatest = SOLVES_OF_START
+    return low + least * (steps - 1 + finer * steps), high * steps + greatest * finer * steps
+
+
+def factorisation_seconds(unknowns: float, dimension: int) -> float:
+    """Of one sparse factorisation."""
+    return SOLVE_SECONDS * unknowns + FACTOR_SECONDS[dimension] * unknowns ** (1.5 if dimension == 2 else 2.0)
+
+
+def estimated_cost(model: Model) -> Cost:
+    """Nested dissection: n log n entries and n^1.5 operations in two dimensions, n^(4/3) and n^2 in three; multigrid: n
+    of both.
+    """
+    comm, n, dim = model.comm, model.dofs, model.tagged.dimension
+    touching = 0 if model.boundary is None else np.unique(model.boundary.nodes).size
+    nodes, free = map(int, parallel.global_sum(comm, np.array([touching, np.count_nonzero(~model.fixed)])))
+    factorisation = factorisation_seconds(n, dim)
+    solves = linear_solves(model.statement, nodes)
+    matrix = 12.0 * dim * 3**dim * n  # a row of Q1 has so many entries
+    kind, reason = choice.choose_kind(model.system_size(), model.statement.solver.linear_algebra)
+    dense, held = 0, 12.0 * factor_entries(n, dim)
+    if kind == "krylov":
+        once, per_solve, held = KRYLOV_SECONDS * n, KRYLOV_SECONDS * n, matrix
+    elif kind == "condensed":
+        dense = dim * nodes
+        once, per_solve = factorisation, dense**3 / 3 / DENSE_SPEED
+    elif model.boundary is None:
+        reason, once, per_solve = "one factorisation for all load steps", factorisation, SOLVE_SECONDS * n
+    else:
+        once, per_solve = 0.0, factorisation
+    if model.statement.nonlinear:  # each linear solve has a factorisation
+        once, per_solve = 0.0, factorisation
+    if model.boundary is not None and model.boundary.moving is not None:
+        free += int(np.count_nonzero(~model.boundary.moving.fixed))
+    seconds = once + solves[0] * per_solve, once + solves[1] * per_solve
+    of = "energy" if model.statement.accuracy is None else model.statement.accuracy.of
+    refinement = next_refinement(model.statement, model.tagged, of, free)
+    paired = PAIRED_BYTES[dim] * nodes if any(contact.against for contact in model.statement.contact) else 0.0
+    return Cost(
+        unknowns=free,
+        linear_algebra=f"{kind}: {reason}",
+        linear_solves=solves,
+        seconds=seconds,
+        memory_bytes=BASE_BYTES * comm.size + BYTES_PER_DOF * n + 2 * matrix + held + 24.0 * dense**2 + paired,
+        next_error=NEXT_ERROR[dim],
+        next_seconds=(seconds[0] * refinement.times[0], seconds[1] * refinement.times[1]),
+        next_local=refinement.local,
+    )
