@@ -20,7 +20,6 @@ from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.statement.settings import Accuracy, SolverSettings
 from signorini_fx.mechanics.statement.values import kind_of
 from signorini_fx.records import History, Observer
-from signorini_fx.results.accuracy.error_estimates import Errors
 from signorini_fx.results.solution import Solution
 from signorini_fx.solving import meshed_problem, to_accuracy
 from signorini_fx.solving.checkpointed_steps import MeshCheckpoint
@@ -84,12 +83,13 @@ class MeshedForms(meshed_problem.MeshedProblem):
 
     def solve(
         self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
-    ) -> tuple[meshed_problem.SolvedMesh, list[Errors]]:
+    ) -> meshed_problem.SolvedMesh:
         solver = self.solver
         solver.coarser, solver.coarser_state = coarser, state
         unsolved = solver.attempt()
         errors = [self.made.errors] if self.estimable and not unsolved else []
-        return meshed_problem.SolvedMesh(self.made.solution, self.tagged, solver.task, solver.outcome), errors
+        solved = self.made.solution, self.tagged, solver.task, solver.outcome
+        return meshed_problem.SolvedMesh(*solved, step_errors=errors)
 
 
 def solve_nested(

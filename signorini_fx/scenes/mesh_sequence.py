@@ -228,13 +228,13 @@ class MeshedScene(MeshedProblem):
 
     def solve(
         self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
-    ) -> tuple[SolvedMesh, list[Errors]]:
+    ) -> SolvedMesh:
         scene, step_errors = self.scene, list[Errors]()
         if scene.statement.nonlinear:
             from signorini_fx.scenes.nonlinear import problem_of
 
             solution = problem_of(scene, self.comm, self.history).solved(checkpoint)
-            return SolvedMesh(solution, solution.model.tagged, None), _errors_of_nonlinear(solution)
+            return SolvedMesh(solution, solution.model.tagged, None, step_errors=_errors_of_nonlinear(solution))
 
         def estimate(step: LoadStep) -> None:
             model, outcome, result = step.body.model, step.outcome, step.result
@@ -246,7 +246,7 @@ class MeshedScene(MeshedProblem):
 
         load = partial(load_mesh, scene, self.comm)
         solution, task, outcome = solve_mesh(scene.statement, load, self.history, state, estimate, coarser, checkpoint)
-        return SolvedMesh(solution, solution.model.tagged, task, outcome), step_errors
+        return SolvedMesh(solution, solution.model.tagged, task, outcome, step_errors=step_errors)
 
     def keeping(self, solved: SolvedMesh) -> Self:
         """The contact points of pairs stay on the sides that were chosen on the first mesh: forces have their sign."""

@@ -5,7 +5,7 @@ of the fine mesh starts in the active set of its coarse neighbours, so that only
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -46,6 +46,7 @@ class SolvedMesh:
     outcome: Outcome | None = None
     level: LevelResult | None = None
     errors: Errors | None = None
+    step_errors: Sequence[Errors] = ()  # of each load step
 
     def as_level(self, coarser: MeshLevel | None) -> MeshLevel | None:
         """This mesh as a level of multigrid for finer ones, above those that there are; collective."""
@@ -87,9 +88,9 @@ class MeshedProblem(ABC):
     @abstractmethod
     def solve(
         self, state: ContactState | None, coarser: MeshLevel | None, checkpoint: MeshCheckpoint | None
-    ) -> tuple[SolvedMesh, list[Errors]]:
+    ) -> SolvedMesh:
         """Solve it from the contact state of a coarser mesh, with coarser meshes as levels of multigrid, and with a
-        checkpoint, each None where there is none; with the errors of each load step; collective.
+        checkpoint, each None where there is none; ``level`` and ``errors`` are left to ``solved``; collective.
         """
 
     @abstractmethod
@@ -124,8 +125,8 @@ class MeshedProblem(ABC):
         solves_before = history.linear_solves
         if stored is not None:
             stored.level = number
-        solved, step_errors = self.solve(state, coarser, stored)
-        solution = solved.solution
+        solved = self.solve(state, coarser, stored)
+        solution, step_errors = solved.solution, solved.step_errors
         if not solution.converged:
             return replace(solved, outcome=None)
         if not step_errors:
@@ -157,7 +158,7 @@ class MeshedProblem(ABC):
             forces=np.concatenate([contact.forces_of_each.ravel() for contact in contacts]),
             krylov_from=krylov,
         )
-        return replace(solved, level=level, errors=errors)
+        return replace(solved, level=level, errors=errors, step_errors=())
 
 
 @dataclass(frozen=True)
