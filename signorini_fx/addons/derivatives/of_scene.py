@@ -31,7 +31,7 @@ from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.model import Model
 from signorini_fx.mechanics.statement.effect import Load, Resistance
 from signorini_fx.mechanics.statement.expressions import Expression
-from signorini_fx.mechanics.statement.features import refuse
+from signorini_fx.mechanics.statement.features import refused_by
 from signorini_fx.mechanics.statement.statement import Statement
 from signorini_fx.quantities.differentiable import Functional, functional_of
 from signorini_fx.records import History, Timings
@@ -107,6 +107,16 @@ class Sensitivity:
         return "\n".join(lines)
 
 
+def _refuse(statement: Statement, refuses: Mapping[str, str]) -> None:
+    """Refuse a scene with features that have no derivatives, by a ``SceneError``."""
+    problems = [
+        ("".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix("."), reason)
+        for path, reason in dict.fromkeys(refused_by(statement, refuses))
+    ]
+    if problems:
+        raise SceneError(problems)
+
+
 def sensitivity(
     scene: object, of: str | Sequence[str], by: Sequence[str], comm: MPI.Comm = MPI.COMM_WORLD
 ) -> Sensitivity | list[Sensitivity]:
@@ -132,7 +142,7 @@ def sensitivity(
         raise SceneError([("contact", "there is none: a problem without contact is linear")])
     if reason := statement.kinematics.refuses.get("derivatives"):
         raise SceneError([("material.hypothesis", reason)])
-    refuse(statement, REFUSES)
+    _refuse(statement, REFUSES)
     wanted = [of] if isinstance(of, str) else list(of)
     if statement.nonlinear:
         problem = partial(problem_of, scene, comm, History())
@@ -336,7 +346,7 @@ class _NonlinearSteps:
     @classmethod
     def solved(cls, statement: Statement, problem_of: Callable[[], ProblemOfScene]) -> _NonlinearSteps:
         """Solve a scene; collective."""
-        refuse(statement, REFUSES_IF_NONLINEAR)
+        _refuse(statement, REFUSES_IF_NONLINEAR)
         reached = list[ReachedStep]()
         problem = problem_of()
         solution = problem.solved(on_step=lambda step: reached.append(problem.reached()))

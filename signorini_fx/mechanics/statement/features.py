@@ -13,7 +13,6 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from signorini_fx.errors import SceneError
 from signorini_fx.mechanics.statement.effect import Contradictions, Keys
 from signorini_fx.mechanics.statement.expressions import Expression
 from signorini_fx.mechanics.statement.rigid_body import MESH_IS
@@ -67,16 +66,6 @@ def features(statement: Any) -> Iterator[tuple[str, Keys]]:
 def refused_by(statement: Any, refuses: Mapping[str, str]) -> Contradictions:
     """The features of a scene that something refuses, with the key of each and the reason."""
     return ((path, refuses[name]) for name, path in features(statement) if name in refuses)
-
-
-def refuse(statement: Any, refuses: Mapping[str, str]) -> None:
-    """Refuse to compute something of a scene with features that this does not know, by a ``SceneError``."""
-    problems = [
-        ("".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix("."), reason)
-        for path, reason in dict.fromkeys(refused_by(statement, refuses))
-    ]
-    if problems:
-        raise SceneError(problems)
 
 
 def refusals(statement: Any) -> list[Mapping[str, str]]:
