@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 import signorini_fx as sfx
 from signorini_fx import MeshError
-from signorini_fx.addons.judging.foreign_result import read_dat
+from signorini_fx.addons.decks.results import read_dat
 from signorini_fx.addons.judging.judge import AGREES, ANOTHER, NOT_TOLD, VIOLATES, judge
 from signorini_fx.addons.judging.judged_problem import SolutionOnMesh, judged_problem
 from signorini_fx.scenes import cli

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from signorini_fx.addons.decks.results import ForeignResult
 from signorini_fx.addons.judging.alternatives import nearest_alternative
-from signorini_fx.addons.judging.foreign_result import ForeignResult, read_result
+from signorini_fx.addons.judging.foreign_result import read_result
 from signorini_fx.addons.judging.judged_problem import (
     Floats,
     JudgedProblem,
