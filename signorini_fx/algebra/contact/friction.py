@@ -7,7 +7,6 @@ points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -143,24 +142,3 @@ def as_given(bound: Any) -> PointFriction:
     """Friction whose bound is given."""
     values = np.asarray(bound, dtype=np.float64)
     return PointFriction(values, np.zeros_like(values))
-
-
-def joined(parts: Sequence[PointFriction], points: Sequence[npt.NDArray[np.int64]]) -> PointFriction:
-    """The friction of several parts of the contact points as one; ``points``: the numbers of those of each part, which
-    together are all.
-    """
-    count = sum(numbers.size for numbers in points)
-    given, coefficient, cap, ends = (np.full(count, value) for value in (0.0, 0.0, np.inf, False))
-    laws = list[LawAtPoints]()
-    for part, numbers in zip(parts, points, strict=True):
-        given[numbers], coefficient[numbers] = part.given, part.coefficient
-        cap[numbers] = np.inf if part.cap is None else part.cap
-        ends[numbers] = False if part.ends_open is None else part.ends_open
-        laws += [replace(entry, points=numbers[entry.points]) for entry in part.laws]
-    return PointFriction(
-        given,
-        coefficient,
-        None if all(part.cap is None for part in parts) else cap,
-        None if all(part.ends_open is None for part in parts) else ends,
-        tuple(laws),
-    )

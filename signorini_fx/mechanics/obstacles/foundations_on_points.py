@@ -14,7 +14,7 @@ from dolfinx import fem
 
 from signorini_fx.algebra import Settings
 from signorini_fx.algebra.contact.complementarity import RegularisedData
-from signorini_fx.algebra.contact.friction import PointFriction, as_given, joined
+from signorini_fx.algebra.contact.friction import PointFriction, as_given
 from signorini_fx.errors import FormError, SceneError
 from signorini_fx.extensions import is_of_package
 from signorini_fx.machine import parallel
@@ -31,7 +31,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import (
 )
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.kinematics import CARTESIAN
-from signorini_fx.mechanics.laws.at_points import fault_of, friction_of
+from signorini_fx.mechanics.laws.at_points import fault_of, friction_of, joined
 from signorini_fx.mechanics.laws.directed import DirectedLaw, FrictionAxes
 from signorini_fx.mechanics.laws.protocol import FrictionLaw
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells
