@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,13 +33,15 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh, is_section
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.settings import SolverSettings
-from signorini_fx.results.accuracy.stress_recovery import StressRecovery, squared_residual
 from signorini_fx.results.certificate.body_nodes import PrescribedNodes, RigidPart
 from signorini_fx.results.certificate.equilibrium import Balance
 from signorini_fx.results.mechanics import SolidBody
-from signorini_fx.results.resultants import ActingForces, NamedForces
-from signorini_fx.results.stresses import RawStresses
 from signorini_fx.tuned import NOTHING_LEFT
+
+if TYPE_CHECKING:
+    from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+    from signorini_fx.results.resultants import ActingForces, NamedForces
+    from signorini_fx.results.stresses import RawStresses
 
 Array = npt.NDArray[np.float64]
 
@@ -198,6 +200,8 @@ class FormBody(SolidBody):
         return Balance(RigidPart(y.function_space), internal, external, supports, scales, scales, nothing)
 
     def stress(self, y: fem.Function, step: float) -> RawStresses | str:
+        from signorini_fx.results.stresses import RawStresses
+
         law = self.user_forms.stress
         if law is None:
             return "only the form knows the stresses: give stress=, a function of the displacement"
@@ -206,6 +210,8 @@ class FormBody(SolidBody):
     @cached_property
     def recovery(self) -> StressRecovery:
         """For the estimate of the error the traction of compiled forms is not known."""
+        from signorini_fx.results.accuracy.stress_recovery import StressRecovery
+
         forms, (fixed, _) = self.user_forms, self.prescribed_dofs
         assert forms.stress is not None
         stress = stress_of(forms.stress, fem.Function(self.space), forms.parts)
@@ -215,6 +221,8 @@ class FormBody(SolidBody):
 
     def acting(self, y: fem.Function, step: float) -> ActingForces:
         """What acts through the parts of the boundary that have names."""
+        from signorini_fx.results.resultants import ActingForces
+
         balance, forms, (fixed, _) = self.balance(y, step), self.user_forms, self.prescribed_dofs
         if not self.settled:
             return ActingForces(balance, (), (), ())
@@ -258,6 +266,8 @@ def acting_on(
     """What acts on a body whose supports are parts of its boundary: those at all of whose nodes the same components are
     prescribed; at a node of two of them a component belongs to the later one; collective.
     """
+    from signorini_fx.results.resultants import ActingForces
+
     space, supports = balance.pieces.space, list[str | None]()
     by = np.full((fixed.size // space.dofmap.index_map_bs, space.dofmap.index_map_bs), -1, dtype=np.int64)
     for number, (name, facets) in enumerate(boundaries.items()):
@@ -398,6 +408,8 @@ def residual_of(stress: ElementStress, forms: GivenForms, fixed: npt.NDArray[np.
     """The squared residual of the traction that UFL forms prescribe, off the contact and in components that are not
     prescribed, see ``squared_residual``; ``z``: a test function, constant in each cell; collective.
     """
+    from signorini_fx.results.accuracy.stress_recovery import squared_residual
+
     space = stress.displacement.function_space
     mesh, dim = space.mesh, stress.kinematics.dimension
     touching = np.concatenate([np.zeros(0, np.int32), *forms.facets, *forms.masters.values()])
