@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -114,7 +115,7 @@ def combined(
     )
 
 
-def worst_of(steps: list[Errors]) -> Errors:
+def worst_of(steps: Sequence[Errors]) -> Errors:
     """The largest errors of several load steps, relative to the largest solution and pressure among them."""
     if len(steps) == 1:
         return steps[0]
