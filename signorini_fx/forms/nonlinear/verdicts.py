@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 import numpy.typing as npt
@@ -213,8 +214,8 @@ def overlap_of_bodies(foundations: MovingFoundations, last: State) -> str:
 def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node: Array) -> Flags:
     """Which points, of the pieces ``of_node``, are in a cell of this rank that belongs to another piece, shape (m,)."""
     within, corners = np.zeros(len(at), dtype=bool), cells.corners(places)
-    meets = (corners.max(axis=1) >= at.min(axis=0)) & (corners.min(axis=1) <= at.max(axis=0))
-    near = np.flatnonzero(meets.all(axis=1))
+    high, low = (reduce(extreme, corners.swapaxes(0, 1)) for extreme in (np.maximum, np.minimum))
+    near = np.flatnonzero(((high >= at.min(axis=0)) & (low <= at.max(axis=0))).all(axis=1))
     if not near.size:
         return within
     corners = corners[near]
@@ -237,6 +238,8 @@ def _deepest(sides: FacingSides, at: Array, within: Flags, at_most: float, added
     surfaces = [surface.displaced(at[half] - surface.x) for surface, half in both]
     for half, other in zip(halves, surfaces[::-1], strict=True):
         x = at[half][within[half]]
+        if not x.size:
+            continue
         size = np.full(len(other.x), np.inf)  # of the smallest facet around each node
         extent = np.linalg.norm(np.ptp(other.corners, axis=1), axis=1) / other.functions.degree
         np.minimum.at(size, other.nodes, extent[:, None])

@@ -30,8 +30,7 @@ from signorini_fx.mechanics.pairs.pair_side import (
     Overlap,
     PairSurface,
     along_vectors,
-    of_blocks,
-    of_components,
+    in_blocks,
     turned_normals,
 )
 from signorini_fx.mechanics.pairs.search import default_reach
@@ -312,8 +311,8 @@ class PairedSides:
         shear = np.einsum("nik,nk->ni", boundary.tangents[points], state.shear[points])
         # Tangents turn against normals.
         tractions = state.pressure[points, None, None] * identity - boundary.normal[points, :, None] * shear[:, None]
-        nodal = of_components(self.coupling.master, dim) @ turned_normals(master)
-        forces = of_blocks(boundary.weight[points, None, None] * tractions @ turned) @ nodal
+        turning = (boundary.weight[points, None, None] * tractions @ turned).swapaxes(1, 2)
+        forces = along_vectors(turning, in_blocks(self.coupling.master, dim)) @ turned_normals(master)
         entries = sp.coo_array(replace(self, followed=True).relative.T @ forces)
         places = np.column_stack((entries.row, entries.col + dim * sides.slave.nodes.size))
         places, values = (parallel.gather_rows(boundary.comm, rows) for rows in (places, entries.data))
@@ -335,13 +334,11 @@ class PairedSides:
         """The relative displacement from that of the nodes of both sides, shape (n d, m d), without what ``mirrored``
         leaves out.
         """
-        coupling, dim = self.coupling, self.sides.slave.surface.dimension
-        relative = of_components(coupling.both, dim)
+        dim = self.sides.slave.surface.dimension
+        relative = in_blocks(self.coupling.both, dim)
         if not self.followed:
-            relative = relative + sp.csr_array(coupling.turning)
-        if self.across.any():
-            relative = relative - of_blocks(self.across) @ relative
-        return sp.csr_array(relative)
+            relative = relative + self.coupling.turning
+        return along_vectors(np.eye(dim) - self.across, relative)
 
     def boundary(self) -> ContactBoundary:
         """The contact points of this rank; collective."""

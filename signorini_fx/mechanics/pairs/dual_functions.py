@@ -137,7 +137,7 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     them, ring by ring, shape (N, k); zero where no ring arrives.
     """
     (to, of), _ = _together(side, np.arange(len(side.nodes)))
-    extension = np.zeros((len(side.x), values.shape[1]))
+    extension: Array = np.zeros((len(side.x), values.shape[1]))
     known: Flags = np.zeros(len(side.x), dtype=bool)
     extension[nodes], known[nodes] = values, True
     while (into := known[of] & ~known[to]).any():

@@ -321,13 +321,6 @@ def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
     return sp.bsr_array((matrix.data[:, None, None] * np.eye(count), matrix.indices, matrix.indptr), shape=shape)
 
 
-def of_components(matrix: Any, count: int) -> sp.csr_array:
-    """The same without blocks."""
-    vectors = sp.csr_array(in_blocks(sp.csr_array(matrix), count))
-    vectors.eliminate_zeros()
-    return vectors
-
-
 def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
     """What vectors at points with k others, one per column, shape (n, d, k), have of those that blocks make, which have
     the shape (n d, d m): sparse, shape (n k, d m).
@@ -345,11 +338,6 @@ def placed_rows(matrix: sp.csr_array, places: Indices, count: int) -> sp.csr_arr
     ends = np.zeros(count + 1, dtype=matrix.indptr.dtype)
     ends[places + 1] = np.diff(matrix.indptr)
     return sp.csr_array((matrix.data, matrix.indices, ends.cumsum()), shape=(count, matrix.shape[1]))
-
-
-def beside(left: Any, right: Any) -> sp.csr_array:
-    """Two matrices with as many rows beside each other."""
-    return sp.csr_array(sp.hstack((left, right), format="csr"))
 
 
 def without_round_off(matrix: sp.csr_array) -> sp.csr_array:
@@ -410,13 +398,6 @@ def turned_normals(side: PairSurface, turned_too: Array | None = None) -> sp.csr
     columns = dim * side.nodes[:, None, :, None, None] + np.arange(dim)
     places = tuple(np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns))
     return sp.csr_array((values.ravel(), places), shape=(dim * count, dim * count))
-
-
-def of_blocks(blocks: Array) -> sp.csr_array:
-    """The matrix with blocks of shape (n, i, j) on its diagonal, sparse, shape (n i, n j)."""
-    numbers = np.arange(len(blocks) + 1)
-    shape = (len(blocks) * blocks.shape[1], len(blocks) * blocks.shape[2])
-    return sp.csr_array(sp.bsr_array((blocks, numbers[:-1], numbers), shape=shape))
 
 
 def across(along: Array) -> Array:

@@ -32,7 +32,6 @@ from signorini_fx.mechanics.pairs.overlap import axes_across
 from signorini_fx.mechanics.pairs.pair_side import (
     PairSurface,
     along_vectors,
-    beside,
     in_blocks,
     placed_rows,
     scaled_rows,
@@ -128,9 +127,8 @@ class SlidingCoupling:
         sums = frames.both @ np.concatenate((slave.directions, master.directions))
         along = frames.tangents / np.linalg.norm(sums, axis=1)[:, None, None]
         turns = along_vectors(along, in_blocks(frames.both, slave.dimension))
-        of_slave, of_master = turns[:, : slave.x.size], turns[:, slave.x.size :]
-        both = beside(of_slave @ turned_normals(slave), of_master @ turned_normals(master))
-        return sp.csr_array(both - self.pieces.passing(along))
+        turned = sp.block_diag([turned_normals(side) for side in (slave, master)], format="csr")
+        return sp.csr_array(turns @ turned - self.pieces.passing(along))
 
 
 def slide(

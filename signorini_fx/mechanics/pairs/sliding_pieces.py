@@ -32,8 +32,6 @@ from signorini_fx.mechanics.pairs.pair_side import (
     PairSurface,
     along_vectors,
     in_blocks,
-    of_blocks,
-    of_components,
     turned_normals,
     turning_of,
 )
@@ -130,11 +128,13 @@ class SlidingPieces:
         sparse, shape (n k, d m).
         """
         total, dim = np.zeros(1), self.facing.shape[2]
+        components = (dim * self.points[..., None] + np.arange(dim)).reshape(
+            len(self.points), dim * self.points.shape[1]
+        )
         for k, slope in enumerate(self.slope):
             bent = self.weighted[..., None] * (slope @ self.bend)[:, :, None]
-            bent = bent.reshape(*bent.shape[:2], -1).swapaxes(1, 2)
+            bent = bent.reshape(count, bent.shape[1], dim * tests).swapaxes(1, 2)
             total = total - np.matmul(bent, self._rows(self.share, self.dual[k], self.dual[k]))
-        components = (dim * self.points[..., None] + np.arange(dim)).reshape(len(total), -1)
         return self._at_points(along_vectors(along, in_blocks(self.mean, dim)), total, components)
 
     def stiffness(self, pressing: Array) -> sp.csr_array:
@@ -223,9 +223,9 @@ class Projection:
         ways = sums / length[:, None]
         at = np.repeat(np.arange(facets), len(shape)), slave.nodes.ravel()
         mean = sp.csr_array((np.tile(shape, facets), at), shape=(facets, len(slave.x)))
-        across = of_blocks((np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None])
-        turning = across @ of_components(mean, 3) @ sp.csr_array(turning_of(_around(slave), (slave.x,), (directions,)))
-        return cls(ways, np.arange(facets)[:, None], None, sp.csr_array(turning))
+        across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
+        turning = sp.csr_array(turning_of(_around(slave), (slave.x,), (directions,)))
+        return cls(ways, np.arange(facets)[:, None], None, along_vectors(across, in_blocks(mean, 3)) @ turning)
 
     def at(self, facets: Indices, places: Array) -> tuple[Array, Array]:
         """N at points of facets, shape (m, q, d - 1), and the shares of the vectors in dN, which has no part along N:
