@@ -127,10 +127,8 @@ class SlidingPieces:
         """What the places that shift change of the normal of the master along vectors at the points, shape (n, d, k),
         sparse, shape (n k, d m).
         """
-        total, dim = np.zeros(1), self.facing.shape[2]
-        components = (dim * self.points[..., None] + np.arange(dim)).reshape(
-            len(self.points), dim * self.points.shape[1]
-        )
+        (count, tests), total, dim = self.points.shape, np.zeros(1), self.facing.shape[2]
+        components = (dim * self.points[..., None] + np.arange(dim)).reshape(count, dim * tests)
         for k, slope in enumerate(self.slope):
             bent = self.weighted[..., None] * (slope @ self.bend)[:, :, None]
             bent = bent.reshape(count, bent.shape[1], dim * tests).swapaxes(1, 2)
