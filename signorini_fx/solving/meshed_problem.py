@@ -50,7 +50,11 @@ class SolvedMesh:
 
     def as_level(self, coarser: MeshLevel | None) -> MeshLevel | None:
         """This mesh as a level of multigrid for finer ones, above those that there are; collective."""
-        return None if self.task is None else self.solution.model.level(coarser)
+        if self.task is None:
+            return None
+        level = self.solution.model.level(coarser)
+        level.solved = self.solution.displacement
+        return level
 
     @property
     def state(self) -> ContactState | None:

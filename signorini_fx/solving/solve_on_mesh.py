@@ -73,7 +73,24 @@ def solve_mesh(
             )
     with timings.phase("condense"):
         task = contact_task(model, history, coarser)
+    if coarser is not None and not statement.several_steps:
+        _begin_at_coarser(task, model)
     return solve_contact(model, task, state, timings, on_step, kept)
+
+
+def _begin_at_coarser(task: Task, model: Model) -> None:
+    """Begin with the displacement of the coarser mesh, where solves are not exact and gain by it; collective."""
+    from signorini_fx.algebra.linalg.krylov import KrylovSystem
+
+    level = task.system.elasticity.level
+    if not isinstance(task.system, KrylovSystem) or not isinstance(level, MeshLevel) or model.turned is not None:
+        return
+    if (start := level.start()) is None:
+        return
+    if task.rest is not None:
+        start.getArray()[:] -= model.motions.displacement(task.rest.motion).ravel()[: start.getLocalSize()]
+    free = ~model.fixed
+    task.newton.x.getArray()[: free.size][free] = start.getArray(readonly=True)[free]
 
 
 def solve_contact(

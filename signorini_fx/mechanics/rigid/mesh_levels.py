@@ -35,6 +35,7 @@ class MeshLevel:
         motions: the rigid motions.
         coarser: the same on the next coarser mesh; None: there is none.
         stiffness: of these unknowns; None: it has others as well.
+        solved: the displacement there, with which a finer mesh begins; None: it begins at zero.
     """
 
     space: fem.FunctionSpace
@@ -43,6 +44,7 @@ class MeshLevel:
     motions: RigidMotions
     coarser: MeshLevel | None
     stiffness: PETSc.Mat | None = None
+    solved: fem.Function | None = None
 
     @property
     def dofs(self) -> int:
@@ -112,6 +114,18 @@ class MeshLevel:
             matrix = self.rotation.transposeMatMult(matrix)
         matrix.diagonalScale(self.free_components(), self.coarser.free_components())
         return row_by_row(matrix)
+
+    def start(self) -> PETSc.Vec | None:
+        """The displacement of the coarser mesh in the unknowns of this one, prescribed ones zero; collective."""
+        coarse, interpolation = self.coarser, self.interpolation
+        if coarse is None or coarse.solved is None or interpolation is None:
+            return None
+        x, start = coarse.vector(), self.vector()
+        x.getArray()[:] = coarse.solved.x.array[: x.getLocalSize()]
+        if coarse.rotation is not None:
+            coarse.rotation.multTranspose(x.copy(), x)
+        interpolation.mult(x, start)
+        return start
 
     def _shares(self, coarse: MeshLevel) -> Any | None:
         """Shares of the coarse nodes (global numbers) in each owned node, scipy sparse; None: some node is nowhere."""
