@@ -157,7 +157,7 @@ def test_a_finer_mesh_begins_with_the_displacement_of_the_coarser_one(monkeypatc
     ended = alone(SCENES["nested"](linear_algebra="krylov")).displacement.x.array
     assert len(begun) == 2
     moved = (ended - begun[-1]).reshape(-1, 2)  # the same everywhere: a reference motion, from which iterates count
-    assert np.ptp(moved, axis=0).max() < 0.02 * np.abs(ended).max()
+    assert np.ptp(moved, axis=0).max() < 0.05 * np.abs(ended).max()
 
 
 def test_the_monolithic_method(steps):
