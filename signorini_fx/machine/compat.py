@@ -6,9 +6,11 @@ from functools import cache
 from typing import Any
 
 import basix
+import basix.ufl
 import mpi4py.MPI  # noqa: F401  # before dolfinx, which finds MPI once it is loaded
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import __version__, cpp, fem, mesh
 
 from signorini_fx.errors import needs_fenicsx
@@ -16,6 +18,13 @@ from signorini_fx.errors import needs_fenicsx
 VERSION = tuple(int(part) for part in __version__.split(".")[:2])
 if VERSION < (0, 9):
     raise needs_fenicsx(f"dolfinx is {__version__}")
+
+
+# basix makes a new cell whenever an element is asked for its own, as UFL does hundreds of times for a form: 150 objects
+# for a hexahedron.  All elements of one kind share theirs.
+_cell = cache(ufl.Cell)
+_elements: Any = basix.ufl._ElementBase
+_elements.cell = property(lambda element: _cell(element._cellname))
 
 
 def interpolation_points(element: Any) -> npt.NDArray[np.float64]:
