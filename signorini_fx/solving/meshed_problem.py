@@ -48,11 +48,12 @@ class SolvedMesh:
     errors: Errors | None = None
     step_errors: Sequence[Errors] = ()  # of each load step
 
-    def as_level(self, coarser: MeshLevel | None) -> MeshLevel | None:
-        """This mesh as a level of multigrid for finer ones, above those that there are; collective."""
+    def as_level(self) -> MeshLevel | None:
+        """This mesh as a level of multigrid for finer ones, above those that it was solved with."""
         if self.task is None:
             return None
-        level = self.solution.model.level(coarser)
+        level = self.task.system.elasticity.level
+        assert isinstance(level, MeshLevel)
         level.solved = self.solution.displacement
         return level
 
@@ -241,7 +242,7 @@ def solve_nested(
             )
             levels.clear()
         sides = solution.statement.sides
-        coarser = solved.as_level(coarser)
+        coarser = solved.as_level()
         if solution.converged:
             state, certified = solved.state, solution
         elif certified is not None and number + 1 == count:

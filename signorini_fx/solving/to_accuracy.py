@@ -251,7 +251,7 @@ class Meshes:
         while True:
             try:
                 solved = self.problem.solved(number, state, self._coarser)
-                self._coarser = solved.as_level(self._coarser)
+                self._coarser = solved.as_level()
                 solution, unsolved = solved.solution, solved.level is None
                 retried = unsolved and (solution.statement.sides[1] is not None or solved.task is None)
                 spent = solution.history.late or solution.status is Status.NO_MEMORY  # another try would end likewise
