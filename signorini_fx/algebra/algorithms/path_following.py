@@ -28,8 +28,9 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets, tangent
 from signorini_fx.algebra.contact.complementarity import RegularisedData, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length
 from signorini_fx.algebra.linalg import petsc_calls
+from signorini_fx.machine import parallel
 from signorini_fx.records import Status
-from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE
+from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE, NOTABLE
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class PathModel:
 
 
 def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
-    """Fit the model at the solution that ``newton`` holds; two back substitutions, collective."""
+    """Fit the model at the solution that ``newton`` holds; one or two back substitutions, collective."""
     problem = newton.problem
     points, system = problem.points, problem.system
     sets = problem.sets
@@ -69,10 +70,12 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     first, stretched = solved_again(newton, -contact_force(newton.x, data.gap, data.slip_origin)), newton.x.duplicate()
     system.matrix.mult(first, stretched)
     energy = stretched.dot(first)
-    # The pole is a mean stiffness at the contact nodes, below the largest one; it may be too small to be seen.
-    second = solved_again(newton, -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat)))
-    curvature = -stretched.dot(second)
-    reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
+    # The pole is a mean stiffness at the contact nodes, below the largest one: often too small to be seen beside gamma.
+    reach, stiffness = data.gamma_n, system.contact.stiffness(system.matrix.getDiagonal())
+    if parallel.largest(system.comm, stiffness) > NOTABLE * data.gamma_n:
+        second = solved_again(newton, -2.0 * contact_force(first, np.zeros_like(data.gap), np.zeros_like(data.mu_hat)))
+        curvature = -stretched.dot(second)
+        reach = 2.0 * energy / curvature if curvature > 0 else data.gamma_n
     # lambda = gamma_1 (tau_N y - d) on A_c along the path.
     u_n, u_t = system.contact.traces(newton.x)
     slope_n, slope_t = system.contact.traces(first)
@@ -83,7 +86,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     ahead = points.felt(slip + reach * slope_t)
     stays = ~sets.slip & (ahead > length(slip) / 2)
     may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
-    left_slip = points.norm(np.sqrt(system.contact.stiffness(system.matrix.getDiagonal())) * ahead * (stays & may_slip))
+    left_slip = points.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
     return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)
 
 

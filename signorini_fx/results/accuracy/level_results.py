@@ -62,7 +62,7 @@ def mean_spacing(table: ContactTable, *, revolved: bool) -> float:
 
 def regularisation_errors(task: Task, outcome: Outcome, size: float, contact: ContactState) -> tuple[float, float]:
     """The regularisation error of a solution with this energy norm, and that of its contact pressure, both relative;
-    two back substitutions, collective.
+    one or two back substitutions, collective.
     """
     data = outcome.problem.data
     # Multipliers of an augmentation shift the pressure.
