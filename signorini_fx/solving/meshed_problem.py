@@ -174,15 +174,18 @@ class Unsolved:
     reason: str
 
     @classmethod
-    def by_outcome(cls, status: Status, mesh: str, *, late: str = "") -> Unsolved | None:
+    def by_outcome(cls, solution: Solution, mesh: str, *, late: str = "") -> Unsolved | None:
         """Of a solve without a solution; ``late``: that time has passed; None: its outcome is that of the body."""
-        if status is Status.NO_MEMORY:
+        if solution.status is Status.NO_MEMORY:
             return cls(Status.MEMORY, f"{mesh} has used up the memory")
         if late:
             return cls(Status.BUDGET, late)
-        if status in OF_THE_BODY:
+        if solution.status in OF_THE_BODY:
             return None
-        return cls(Status.COARSER, f"{mesh} ends with: {status.value}: {status.advice}")
+        reason = f"{solution.status.value}: {solution.status.advice}"
+        if solution.statement.nonlinear and not solution.converged:  # how far it has come, and where it gives way
+            reason = solution.findings[0].message
+        return cls(Status.COARSER, f"{mesh} ends with: {reason}")
 
     @classmethod
     def by_error(cls, error: Exception, mesh: str, comm: MPI.Comm) -> Unsolved:
@@ -246,7 +249,7 @@ def solve_nested(
         if solution.converged:
             state, certified = solved.state, solution
         elif certified is not None and number + 1 == count:
-            unsolved = Unsolved.by_outcome(solution.status, name)
+            unsolved = Unsolved.by_outcome(solution, name)
         if solved.level is not None:
             if levels and levels[-1].dofs >= solved.level.dofs:  # there is no coarser mesh
                 levels.pop()

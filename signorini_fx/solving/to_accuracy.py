@@ -76,7 +76,7 @@ def solve_to_accuracy(meshes: Meshes, budget: Budget) -> Solution:
         if level is None:
             ended = f"{goal.seconds:g} s have ended before mesh {len(levels) + 1} was solved" if late else ""
             if last is not None:
-                unsolved = Unsolved.by_outcome(solution.status, "the next mesh", late=ended)
+                unsolved = Unsolved.by_outcome(solution, "the next mesh", late=ended)
                 if unsolved is not None:
                     return unsolved.leaves(last, history)
             elif late:

@@ -22,6 +22,7 @@ from signorini_fx import (
     solve,
     write_results,
 )
+from signorini_fx.solving.meshed_problem import Unsolved
 
 HYPERELASTIC = [name for name in LAWS if name != "j2"]
 
@@ -188,6 +189,7 @@ def test_a_path_without_a_first_step(law, tmp_path):
     assert load == pytest.approx([0.0, solution.last_step.time], rel=1e-9)
     findings = [finding.message for finding in solution.findings if finding.path == "load_steps"]
     assert "there is no solution before it; a step to" in findings[0]
+    assert Unsolved.by_outcome(solution, "mesh 2").reason == f"mesh 2 ends with: {findings[0]}"
     folder = MPI.COMM_WORLD.bcast(str(tmp_path))
     assert write_results(solution, folder, pictures=False)["status"] == Status.LIMIT.value
     with pytest.raises(ConvergenceError, match=r"(?s)step 1 \(lift, time 0.0078.*contact opens") as error:

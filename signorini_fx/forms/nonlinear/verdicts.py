@@ -49,20 +49,16 @@ class Stability:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
         if (found := self._inertia()) is None:
             return Status.STABILITY_UNKNOWN
-        negative, direction = found
+        negative, place = found
         if not negative:
             return Status.CONVERGED
         if not self.linear.symmetric:  # without an energy a symmetric part that is not definite proves nothing
             return Status.STABILITY_UNKNOWN
-        space, dim = self.linear.space, self.linear.space.mesh.geometry.dim
-        sizes = np.linalg.norm(direction.reshape(-1, dim), axis=1)
-        rows = np.column_stack((sizes, node_positions(space)[: sizes.size, :dim]))
-        farthest = max(map(tuple, parallel.gather_rows(space.mesh.comm, rows[np.argsort(-sizes, kind="stable")[:1]])))
-        self._detail = f"it begins at ({', '.join(f'{x:.4g}' for x in farthest[1:])})"
+        self._detail = f"it begins at {place}"
         return Status.UNSTABLE
 
-    def _inertia(self) -> tuple[int, Array] | None:
-        """How many directions of the derivative of F at ``u`` are negative, and one; None: not known; collective."""
+    def _inertia(self) -> tuple[int, str] | None:
+        """Negative directions of the derivative of F: how many, and where one is largest; None: unknown; collective."""
         size = self.linear.elastic.system_size()
         if not enough_memory(size.comm, factor_memory(size.unknowns, size.dimension)):
             return None
@@ -86,7 +82,7 @@ class Stability:
         with suppress(FormError):
             known = self.residual.at(u.x.array.copy()) is not None and self.linear.outcome is not None
             if known and (found := self._inertia()) is not None and found[0]:
-                return "the tangent has lost its stiffness in some direction"
+                return f"the tangent has lost its stiffness, first at {found[1]}"
         return ""
 
     def leads(self, values: Array) -> bool:
@@ -95,7 +91,7 @@ class Stability:
         known = not tangents.given or tangents.trusted
         return known or is_derivative(tangents.leading, self.residual, values, ~self.linear.elastic.fixed)
 
-    def _negative(self, tangent: fem.Form) -> tuple[int, Array]:
+    def _negative(self, tangent: fem.Form) -> tuple[int, str]:
         """``negative_directions`` where springs keep points in contact and in place, whatever the units; collective."""
         linear, space, fixed = self.linear, self.linear.space, self.linear.elastic.fixed
         diagonal = np.abs(linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[: fixed.size])
@@ -128,7 +124,10 @@ class Stability:
         if linear.loose:  # bodies may move without resistance, so that a small stiffness must hold them
             matrix.shift(NO_FORCE * largest)
         negative, direction = negative_directions(matrix)
-        return negative, direction[: fixed.size]
+        sizes = np.linalg.norm(direction[: fixed.size].reshape(-1, space.mesh.geometry.dim), axis=1)
+        rows = np.column_stack((sizes, node_positions(space)[: sizes.size, : space.mesh.geometry.dim]))
+        farthest = max(map(tuple, parallel.gather_rows(space.mesh.comm, rows[np.argsort(-sizes, kind="stable")[:1]])))
+        return negative, f"({', '.join(f'{x:.4g}' for x in farthest[1:])})"
 
 
 def negative_directions(matrix: PETSc.Mat) -> tuple[int, Array]:
