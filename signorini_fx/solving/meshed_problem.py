@@ -183,8 +183,8 @@ class Unsolved:
         if solution.status in OF_THE_BODY:
             return None
         reason = f"{solution.status.value}: {solution.status.advice}"
-        if solution.statement.nonlinear and not solution.converged:  # how far it has come, and where it gives way
-            reason = solution.findings[0].message
+        if solution.statement.nonlinear and not solution.converged and (found := solution.findings):
+            reason = found[0].message  # how far it has come, and where it gives way
         return cls(Status.COARSER, f"{mesh} ends with: {reason}")
 
     @classmethod
