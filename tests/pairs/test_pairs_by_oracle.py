@@ -105,6 +105,22 @@ def test_points_at_a_rim():
     assert found.weight.sum() == pytest.approx(0.8)
 
 
+def test_shears_move_on_with_partners():
+    """From node to node of the other side, as that moves along."""
+    (nodes, x), (others, y) = level(2, 2, -0.5, 0.5), level(2, 3, -0.9, 0.8)
+    slave, master = (
+        PairSurface.of(of_side, at, Lagrange(np.array(PLACES[2])), np.full(len(of_side), sign))
+        for of_side, at, sign in ((nodes, x, 1.0), (others, y, -1.0))
+    )
+    way, shear = np.array([1e-6, 0.0]), np.arange(1.0, 1.0 + len(x))[:, None]
+    old, new = (slide(slave.displaced(0 * x), master.displaced(0 * y + to), np.arange(len(x)), 0.5) for to in (0, way))
+    change = [old.stiffness(0 * old.weight, shear, symmetric=symmetric) for symmetric in (False, True)]
+    along = (change[0] - change[1]) @ np.concatenate((0 * x, 0 * y + way)).ravel()
+    forces = (new.frames.both - old.frames.both).T @ (old.weight[:, None] * shear * old.frames.tangents[:, :, 0])
+    assert np.abs(forces).max() > 1e-7
+    assert along == pytest.approx(forces.ravel(), rel=1e-4, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     "kind", [*BUT_SLOW, *(pytest.param(kind, marks=pytest.mark.slow) for kind in PLACES if kind not in SLIDING)]
 )

@@ -23,7 +23,7 @@ from signorini_fx.algebra.algorithms.task import Outcome, Start
 from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
-from signorini_fx.algebra.linalg import LoadCase
+from signorini_fx.algebra.linalg import ElasticSystem, LoadCase
 from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import NOT_POSITIVE, NOT_SYMMETRIC, MatrixError, elastic_body
@@ -245,6 +245,7 @@ class LinearisedProblem(FormSolver):
         self.curvature = NodalStiffness.none(dim)  # what the shapes add to the tangent
         self._hessians = np.zeros((0, dim, dim))
         self.relative: tuple[Array, Array] | None = None  # see ``MovingTools.relative_stiffness``
+        self._askew = False  # whether what is added to the tangent is not symmetric
 
     @property
     def places(self) -> Array:
@@ -269,16 +270,22 @@ class LinearisedProblem(FormSolver):
         for pair in self.foundations.sliding.values():
             pair.move(self.places[: self.space.dofmap.index_map.size_local])
 
-    def bend(self) -> None:
-        """Give the tangent the curvature of the shapes with the tractions of the last solution; collective."""
+    def bend(self, *, symmetric: bool = True) -> None:
+        """Give the tangent the curvature of the shapes with the tractions of the last solution, all of it unless
+        ``symmetric``: then what is not is left out, which only pairs with Coulomb friction have; collective.
+        """
         if (state := self._state) is None:
             return
+        # The matrices of Coulomb friction are not symmetric, so that a whole one costs the same.
+        whole = not symmetric and type(self.task.system) is ElasticSystem
+        laws = [self.contact[number].friction for number in self.foundations.sliding]
+        self._askew = whole and any(law is not None and law.follows_pressure for law in laws)
         hessians = hessians_at(state.boundary, self.foundations.moving, self.places, self.scales.size)
         blocks = curvature_of(hessians, state)
         self._hessians, tools, self.relative = hessians, self.foundations.rigid_bodies, None
         if tools.bodies:
             self.relative = tools.relative_stiffness(state, blocks)
-        joint = tuple(pair.stiffness(state) for pair in self.foundations.sliding.values())
+        joint = tuple(pair.stiffness(state, symmetric=not self._askew) for pair in self.foundations.sliding.values())
         places = self.places[: self.space.dofmap.index_map.size_local]
         for number, (_, paired) in self.foundations.undeformed.items():
             if not self.contact[number].bonded:
@@ -322,10 +329,10 @@ class LinearisedProblem(FormSolver):
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         """A tangent that is not definite is factorised whole, without fall-backs: a smaller increment is what helps."""
-        indefinite = {"linear_algebra": "full", "fallbacks": False}
-        definite = self.definite and self.symmetric
-        settings = self.settings if definite else self.settings.model_copy(update=indefinite)
-        beside: dict[str, Any] = {"definite": definite, "symmetric": self.symmetric}
+        definite, symmetric = self.definite and self.symmetric, self.symmetric and not self._askew
+        whole = {"linear_algebra": "full", "fallbacks": definite and self.settings.fallbacks}
+        settings = self.settings if definite and symmetric else self.settings.model_copy(update=whole)
+        beside: dict[str, Any] = {"definite": definite and symmetric, "symmetric": symmetric}
         last, comm = self.__dict__.get("elastic"), self.space.mesh.comm
         if not parallel.any_rank(comm, last is None or not np.array_equal(last.fixed, fixed)):
             assert last is not None

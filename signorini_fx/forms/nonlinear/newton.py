@@ -214,7 +214,7 @@ class EquilibriumSolver(Stability):
             # Rigid bodies have unknowns in the stiffness.
             keeps = keeps and not linear.rigid.bodies and linear.relative is None and linear.set_up
             if not keeps:
-                linear.bend()
+                linear.bend(symmetric=False)
             linear.residual = residual
             try:
                 linear.solve(keeps_stiffness=keeps)

@@ -26,7 +26,7 @@ class JointStiffness:
     """Between the components of some nodes, the same on every rank."""
 
     nodes: npt.NDArray[np.int64]  # global numbers, shape (m,)
-    matrix: sp.csr_array  # force per length, symmetric where it is added to a tangent, shape (m d, m d)
+    matrix: sp.csr_array  # force per length, shape (m d, m d)
 
     def times(self, displacement: fem.Function) -> Array:
         """Its forces at the owned nodes, shape (owned nodes * d,); collective."""

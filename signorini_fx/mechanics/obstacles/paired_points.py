@@ -481,7 +481,7 @@ class MovingPair:
         slip = self.slip
         return self.sliding_along((self.coupling.tangent_rows @ self.displacement.ravel()).reshape(slip.shape) - slip)
 
-    def stiffness(self, state: ContactState) -> JointStiffness:
+    def stiffness(self, state: ContactState, *, symmetric: bool = True) -> JointStiffness:
         """What the tractions of a state add to the tangent, see ``SlidingCoupling``; collective."""
         rows, space = np.flatnonzero(state.boundary.part == self.sides.index), self.sides.space
         shear = np.einsum("nik,nk->ni", state.boundary.tangents[rows], state.shear[rows])
@@ -489,7 +489,7 @@ class MovingPair:
         owned[self.local_points] = np.column_stack((state.pressure[rows], shear))
         tractions = from_owners(owned, self.sides.slave.nodes[self.points], space.mesh.comm)
         along = np.einsum("ndk,nd->nk", self.coupling.frames.tangents, tractions[:, 1:])
-        return JointStiffness(self.sides.nodes, self.coupling.stiffness(tractions[:, 0], along))
+        return JointStiffness(self.sides.nodes, self.coupling.stiffness(tractions[:, 0], along, symmetric=symmetric))
 
     @property
     def parted(self) -> str:

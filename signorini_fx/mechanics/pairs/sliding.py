@@ -102,17 +102,19 @@ class SlidingCoupling:
             ways.append(np.einsum("ndk,nd->nk", tangents, now) - np.einsum("ndk,nd->nk", old, then))
         return np.where(begun.frames.partnered[:, None], ways[0], ways[1])
 
-    def stiffness(self, pressure: Array, shear: Array) -> sp.csr_array:
+    def stiffness(self, pressure: Array, shear: Array, *, symmetric: bool) -> sp.csr_array:
         """What tractions add to the tangent as the frames of the points turn and their partners shift, force / length,
-        symmetric, sparse, shape (d m, d m).
+        sparse, shape (d m, d m).
 
         The stiffness of pressures is the second derivative of the gaps.  Shears turn with the normals, which is made
         symmetric by its transpose: that acts along the normals alone, where sides in contact do not move.
 
         The shift of partners takes shears on from node to node of the master: its derivative is not symmetric, and is
-        left out.  ``pressure``: lambda, stress, shape (n,); ``shear``: mu along T_i, stress, shape (n, d - 1).
+        left out of what is ``symmetric``.  ``pressure``: lambda, stress, shape (n,); ``shear``: mu along T_i, stress,
+        shape (n, d - 1).
         """
-        pressed = self.pieces.stiffness(self.weight * pressure)
+        shears = np.einsum("n,ndk,nk->nd", 0.0 * self.weight if symmetric else self.weight, self.frames.tangents, shear)
+        pressed = self.pieces.stiffness(self.weight * pressure, shears)
         if not shear.any():
             return pressed
         along = self.normal_rows

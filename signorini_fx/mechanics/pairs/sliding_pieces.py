@@ -135,16 +135,19 @@ class SlidingPieces:
             total = total - np.matmul(bent, self._rows(self.share, self.dual[k], self.dual[k]))
         return self._at_points(along_vectors(along, in_blocks(self.mean, dim)), total, components)
 
-    def stiffness(self, pressing: Array) -> sp.csr_array:
-        """Minus the second derivative of the gaps with forces at the points, shape (n,), sparse, shape (d m, d m)."""
-        nodal = self.mean.T @ pressing
+    def stiffness(self, pressing: Array, shears: Array) -> sp.csr_array:
+        """Minus the second derivative of the gaps with forces at the points, shape (n,), and what shears there, shape
+        (n, d), change of the forces on the master as places shift; sparse, shape (d m, d m).
+        """
+        nodal, sheared = self.mean.T @ pressing, self.mean.T @ shears
         forces = np.einsum("pqt,pt->pq", self.weighted, nodal[self.points])
-        touched, dim = np.flatnonzero(forces.any(axis=1)), self.facing.shape[2]
+        shearing = self.weighted @ sheared[self.points]
+        touched, dim = np.flatnonzero(forces.any(axis=1) | shearing.any(axis=(1, 2))), self.facing.shape[2]
         size = dim * self.blocks.shape[1]
         values = np.zeros((touched.size, size, size))
         for first in range(0, touched.size, _AT_ONCE):
             chosen = touched[first : first + _AT_ONCE]
-            values[first : first + chosen.size] = self._second(chosen, forces[chosen])
+            values[first : first + chosen.size] = self._second(chosen, forces[chosen], shearing[chosen])
         kinks = self.kinks
         passing = (kinks.share[..., None] * kinks.across[:, None]).reshape(len(kinks.share), dim * kinks.share.shape[1])
         jumps = -np.einsum("vt,vt->v", kinks.functions, nodal[kinks.points])
@@ -157,7 +160,7 @@ class SlidingPieces:
         joint = sp.csr_array((entries, (rows, columns)), shape=(self.spread.shape[0],) * 2)
         return sp.csr_array(self.spread.T @ joint @ self.spread)
 
-    def _second(self, pieces: Indices, forces: Array) -> Array:
+    def _second(self, pieces: Indices, forces: Array, shears: Array) -> Array:
         """The products of some pieces, shape (k, d c, d c)."""
         share, facing, across = self.share[pieces], self.facing[pieces], self.across[pieces]
         last = self.blocks.shape[1] - self.turns.shape[2]
@@ -173,6 +176,11 @@ class SlidingPieces:
         if self.curved.any():
             scaled = (forces * self.curved[pieces])[..., None] * shifts[0]
             total -= np.matmul(shifts[0].swapaxes(1, 2), scaled)
+        if shears.any():
+            rows = slice(first * facing.shape[2], last * facing.shape[2])
+            for slope, shift in zip(self.slope[:, pieces], shifts, strict=True):
+                passed_on = (slope[..., None] * shears[:, :, None]).reshape(*slope.shape[:2], -1)
+                total[:, rows] -= np.matmul(passed_on.swapaxes(1, 2), shift)
         return np.asarray(total)
 
     def _rows(self, factor: Array, vectors: Array, across: Array) -> Array:
