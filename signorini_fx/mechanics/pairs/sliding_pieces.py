@@ -178,8 +178,8 @@ class SlidingPieces:
             total -= np.matmul(shifts[0].swapaxes(1, 2), scaled)
         if shears.any():
             rows = slice(first * facing.shape[2], last * facing.shape[2])
-            for slope, shift in zip(self.slope[:, pieces], shifts, strict=True):
-                passed_on = (slope[..., None] * shears[:, :, None]).reshape(*slope.shape[:2], -1)
+            for k, shift in enumerate(shifts):
+                passed_on = (self.slope[k, pieces, :, :, None] * shears[:, :, None]).reshape(*shears.shape[:2], -1)
                 total[:, rows] -= np.matmul(passed_on.swapaxes(1, 2), shift)
         return np.asarray(total)
 
