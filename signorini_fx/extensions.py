@@ -108,9 +108,8 @@ def _installed(_path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     """Those on the path of Python by group, which takes milliseconds, once; ours also where it is not installed."""
     stated = tomllib.loads(_CHECKOUT.read_text(encoding="utf-8")) if _CHECKOUT.is_file() else {}
     own: dict[str, dict[str, str]] = stated.get("project", {}).get("entry-points", {})
-    entries = [EntryPoint(name, value, group) for group, named in own.items() for name, value in named.items()]
-    found: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
-    for entry in (*entries, *entry_points()):
-        if entry.group in found:
-            found[entry.group][entry.name] = entry
+    found, installed = dict[str, dict[str, Any]](), entry_points()
+    for group in GROUPS:
+        entries = [EntryPoint(name, value, group) for name, value in own.get(group, {}).items()]
+        found[group] = {entry.name: entry for entry in (*entries, *installed.select(group=group))}
     return found
