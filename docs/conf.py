@@ -98,7 +98,7 @@ def _escape(_app: Any, _what: str, _name: str, _object: Any, _options: Any, line
 
 def _parameters(_app: Any, _page: str, text: list[str]) -> None:
     """What comments of a page ask for: docstrings of mesh generators, and the table of quantities."""
-    names = sorted({path.stem for path in (_ROOT / "meshes").glob("[a-z]*.py")} - {"drawing"})
+    names = sorted(path.stem for path in (_ROOT / "meshes").glob("[a-z]*.py"))
     shown = "".join(f".. automodule:: signorini_fx.meshes.{name}\n   :members: generate\n" for name in names)
     comment = "<!-- the parameters of all generators -->"
     if comment in text[0]:

@@ -24,7 +24,7 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Count, Length, generator, refuse_too_large
-from signorini_fx.meshes.drawing import Drawing, around, mesh_extruded
+from signorini_fx.meshes._drawing import Drawing, around, mesh_extruded
 
 # Corners of the core, as a share of the radius: cells in the core and around it are of one size there.
 _CORE = 0.55

@@ -25,7 +25,7 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator
-from signorini_fx.meshes.drawing import Drawing, Sizes, mesh_solid, plane
+from signorini_fx.meshes._drawing import Drawing, Sizes, mesh_solid, plane
 
 
 @generator(sizes=("size", "contact_size"))

@@ -26,7 +26,7 @@ from mpi4py import MPI
 
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse
-from signorini_fx.meshes.drawing import Drawing, Sizes, mesh_surface
+from signorini_fx.meshes._drawing import Drawing, Sizes, mesh_surface
 
 
 @generator(sizes=("size", "contact_size"))

@@ -21,7 +21,7 @@ from pydantic import Field
 
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Count, Length, generator, refuse, refuse_too_large
-from signorini_fx.meshes.drawing import Drawing, around, mesh_extruded
+from signorini_fx.meshes._drawing import Drawing, around, mesh_extruded
 
 # A curved cell that turns by a right angle may be inverted.
 Around = Annotated[Count, Field(gt=1)]

@@ -24,7 +24,7 @@ from pydantic import Field
 
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Length, generator, refuse
-from signorini_fx.meshes.drawing import Drawing, Sizes, mesh_surface
+from signorini_fx.meshes._drawing import Drawing, Sizes, mesh_surface
 
 Angle = Annotated[float, Field(gt=0, le=170, allow_inf_nan=False)]
 

@@ -21,7 +21,7 @@ from pydantic import Field
 
 from signorini_fx.mechanics.mesh.tagged import gmsh_mesh
 from signorini_fx.meshes import Count, Length, generator, refuse_too_large
-from signorini_fx.meshes.drawing import Drawing
+from signorini_fx.meshes._drawing import Drawing
 
 Angle = Annotated[float, Field(gt=0, lt=90, allow_inf_nan=False)]
 

@@ -20,6 +20,7 @@ from matplotlib.patches import Patch
 from signorini_fx.addons.pictures.style import (
     BLUE,
     LIMIT,
+    MINUS,
     MOTION,
     MULTIPLIER,
     MUTED,
@@ -43,7 +44,7 @@ STATES = {
     "open": ("#f0f0f0", "open"),
     "slip": (ORANGE, "slip"),  # in 3D, where it has a direction in place of a sign
     "slip+": (ORANGE, "slip +"),
-    "slip-": (BLUE, "slip \N{MINUS SIGN}"),
+    "slip-": (BLUE, f"slip {MINUS}"),
     "stick": ("#262626", "stick"),
     "contact": ("#8c8c8c", "in contact, no friction"),
 }

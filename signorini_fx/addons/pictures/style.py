@@ -29,7 +29,7 @@ _PNG_DPI = 200
 _RASTER_DPI = 300  # of what is an image in a PDF or SVG
 SCREEN = (".png",)
 INK, MUTED, RULE = "#1a1a1a", "#6b6b6b", "#c8c8c8"
-TIMES = "\N{MULTIPLICATION SIGN}"
+TIMES, MINUS = "\N{MULTIPLICATION SIGN}", "\N{MINUS SIGN}"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Perceptually uniform, from dark to light; without the darkest colours, on which neither light nor lines would be seen.
 VALUES = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.15, 1.0, 256)), name="values")
@@ -110,9 +110,9 @@ def unit_of(power: int, quantity: str = "") -> str:
 def number(value: float) -> str:
     """A factor in digits if they are few, else m x 10^k."""
     if value == 0 or 0.01 <= abs(value) < 1e5:
-        return f"{value:.6g}"
+        return f"{value:.6g}".replace("-", MINUS)
     digits, power = f"{value:.5e}".split("e")
-    digits = f"{float(digits):g}"
+    digits = f"{float(digits):g}".replace("-", MINUS)
     return _power_of_ten(int(power)) if digits == "1" else f"{digits}\N{MIDDLE DOT}{_power_of_ten(int(power))}"
 
 

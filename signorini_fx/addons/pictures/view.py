@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from signorini_fx.addons.pictures.style import Floats
+from signorini_fx.addons.pictures.style import MINUS, Floats
 from signorini_fx.tuned import ALONG_AXIS
 
 _MARGIN = 0.06  # around what is seen, of the longer side of the window
@@ -94,7 +94,7 @@ def combination(direction: Floats) -> str:
     for axis, share in enumerate(direction):
         if abs(share) < 0.005:
             continue
-        sign = "\N{MINUS SIGN}" if share < 0 else "+" * bool(text)
+        sign = MINUS if share < 0 else "+" * bool(text)
         size = "" if abs(share) > 0.995 else f"{abs(share):.2f} "
         text += f"{f' {sign} ' if text else sign}{size}{'xyz'[axis]}"
     return text

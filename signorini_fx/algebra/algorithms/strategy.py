@@ -148,12 +148,15 @@ def _near_the_last_place(task: Task, start: Start) -> Outcome | None:
 
 def _solve(task: Task, start: Start) -> Outcome:
     """The method of the scene, with its fall-backs."""
-    if task.settings.algorithm == "alm":
+    augments = task.settings.algorithm == "alm"
+    if augments:
         slip_origin = start.data.slip_origin - start.elastic_slip
         start = replace(start, data=replace(start.data, slip_origin=slip_origin), elastic_slip=0 * start.elastic_slip)
     if start.law is None or not task.has_coulomb:
-        return _given_friction(task, start, start.data)
-    return _coulomb(task, start, start.law)
+        outcome = _given_friction(task, start, start.data)
+    else:
+        outcome = _coulomb(task, start, start.law)
+    return replace(outcome, augmented=outcome.augmented or augments)
 
 
 def _nothing_acts(task: Task, start: Start) -> bool:
@@ -260,7 +263,7 @@ def _given_friction(task: Task, start: Start, data: RegularisedData) -> Outcome:
             )
         case _:
             status = newton.solve(data, start.sets, first_iteration=start.iteration)
-    return Outcome(status, newton, start.data, augmented=s.algorithm == "alm", regularisation_error=error)
+    return Outcome(status, newton, start.data, regularisation_error=error)
 
 
 def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
@@ -271,13 +274,7 @@ def _coulomb(task: Task, start: Start, law: PointFriction) -> Outcome:
     finds_gamma = (s.algorithm == "continuation" and start.step == 0) or (
         s.algorithm == "path-following" and start.regularisation_error is None
     )
-    first_outcome = Outcome(
-        Status.CONVERGED,
-        newton,
-        start.data,
-        augmented=s.algorithm == "alm",
-        regularisation_error=start.regularisation_error,
-    )
+    first_outcome = Outcome(Status.CONVERGED, newton, start.data, regularisation_error=start.regularisation_error)
     if multipliers is None or finds_gamma:
         data = coulomb_start(task, start.data)
         if s.algorithm == "alm":  # (ALM-FP) updates the shifts together with the bound, but not in the start

@@ -187,7 +187,7 @@ class ContactBoundary:
         return SharedNodes(points, beside, np.einsum("nji,nj->ni", self.coframes[points], self.normal[beside]))
 
     def nodal_forces(self, pressure: Array, shear: Array) -> Array:
-        """Array w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing`` for n."""
+        """Nodal w (lambda n + T mu), shape (n, d), minus the forces on the body; with ``pushing`` for n."""
         along = self.normal if self.pushing is None else self.pushing
         traction = pressure[:, None] * along + np.einsum("ik,ijk->ij", shear, self.tangents)
         return self.weight[:, None] * traction

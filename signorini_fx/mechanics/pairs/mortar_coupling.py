@@ -159,8 +159,7 @@ class Tested:
     @cached_property
     def distance(self) -> Array:
         """From each slave point to the master point over it, length, shape (p, q, d)."""
-        corners = self.slave.corners[self.overlap.slave], self.master.corners[self.overlap.master]
-        return np.asarray(self.shapes[1] @ corners[1] - self.shapes[0] @ corners[0])
+        return self.overlap.distance(self.slave, self.master)
 
     @cached_property
     def products(self) -> sp.csr_array:

@@ -113,8 +113,8 @@ class SlidingCoupling:
         left out of what is ``symmetric``.  ``pressure``: lambda, stress, shape (n,); ``shear``: mu along T_i, stress,
         shape (n, d - 1).
         """
-        shears = np.einsum("n,ndk,nk->nd", 0.0 * self.weight if symmetric else self.weight, self.frames.tangents, shear)
-        pressed = self.pieces.stiffness(self.weight * pressure, shears)
+        shears = np.einsum("n,ndk,nk->nd", self.weight, self.frames.tangents, shear)
+        pressed = self.pieces.stiffness(self.weight * pressure, 0.0 * shears if symmetric else shears)
         if not shear.any():
             return pressed
         along = self.normal_rows

@@ -18,7 +18,6 @@ from signorini_fx.mechanics.statement.base import plain_message
 from signorini_fx.removed import removal
 
 GENERATORS_PACKAGE = "signorini_fx.meshes"  # the package of this one's
-_NO_GENERATOR = "drawing"  # its module that has none
 
 
 def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
@@ -29,7 +28,7 @@ def known_generators(name: str | None = None) -> dict[str, Callable[[], Any]]:
     """
     package = find_spec(GENERATORS_PACKAGE)
     folders = [] if package is None else package.submodule_search_locations  # the generators are an add-on
-    own_names = [module.name for module in pkgutil.iter_modules(folders) if module.name != _NO_GENERATOR]
+    own_names = [module.name for module in pkgutil.iter_modules(folders) if not module.name.startswith("_")]
     others = () if name in own_names else names_of(GENERATORS)
     generators: dict[str, Callable[[], Any]] = {key: partial(load, GENERATORS, key) for key in others}
     generators |= {key: partial(_of_this_package, key) for key in own_names}
