@@ -28,19 +28,19 @@ WORLD = MPI.COMM_WORLD
 
 @pytest.mark.parametrize("size", kernels.SIZES)
 def test_products_of_random_blocks(size):
-    """As scipy's, to the round-off of sums, with rows and columns that are empty."""
+    """As scipy's, to the round-off of sums, with rows and columns that are empty, and columns of other ranks."""
     generator = np.random.default_rng(7)
     folder = Path(jit.get_options()["cache_dir"])
     kernels.load(MPI.COMM_SELF, folder)
-    pattern = sp.random_array((40, 31), density=0.05, rng=generator, format="csr")
-    pattern.sort_indices()
-    assert (np.diff(pattern.indptr) == 0).any()
-    entries = generator.standard_normal((pattern.nnz, size, size))
-    product = kernels.BlockProduct(folder, size, pattern.indptr, pattern.indices)
-    x, y = generator.standard_normal(31 * size), np.full(40 * size, np.nan)
-    product(entries, x, y)
-    wanted = sp.bsr_array((entries, pattern.indices, pattern.indptr), shape=(40 * size, 31 * size))
-    np.testing.assert_allclose(y, wanted @ x, rtol=0, atol=1e-14 * size * np.abs(y).max())
+    present = np.kron(generator.random((31, 40)) < 0.02, np.ones((size, size)))
+    entries = present * generator.standard_normal((31 * size, 40 * size))
+    entries[:, : 31 * size] += entries[:, : 31 * size].T
+    matrix = sp.bsr_array(entries, blocksize=(size, size))
+    assert (np.diff(matrix.indptr) == 0).any()
+    product = kernels.BlockProduct(folder, matrix.indptr, matrix.indices, matrix.data)
+    x, y = generator.standard_normal(40 * size), np.full(31 * size, np.nan)
+    product(x, y)
+    np.testing.assert_allclose(y, matrix @ x, rtol=0, atol=1e-14 * size * np.abs(y).max())
 
 
 def two_matrices(dimension, comm):

@@ -88,7 +88,7 @@ class BlockMatrix:
             rows.extended[: values.size] = values
             rows.fill()
             values = rows.extended
-        rows.multiply(rows.blocks, values, y.getArray())
+        rows.multiply(values, y.getArray())
         if self.added is not None:
             self.added.multAdd(x, y, y)
 

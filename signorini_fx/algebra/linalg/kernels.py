@@ -1,7 +1,8 @@
-"""Products y = A x with matrices of small dense blocks, in C, compiled beside the forms.
+"""Products y = A x with symmetric matrices of small dense blocks, in C, compiled beside the forms.
 
-Such a product takes the time in which the entries arrive from memory.  PETSc's kernels for blocks ask for them ahead in
-a way that some processors ignore; these ask for them ``PREFETCHED_BYTES`` ahead of their use, into all caches.
+Such a product takes the time in which the entries arrive from memory.  So each pair of nodes has one block, which acts
+on both.  PETSc's kernels for blocks ask for them ahead in a way that some processors ignore; these ask for them
+``PREFETCHED_BYTES`` ahead of their use, into all caches.
 """
 
 from __future__ import annotations
@@ -23,23 +24,32 @@ Array = npt.NDArray[np.float64]
 SIZES = (2, 3)  # of blocks
 _HEAD = (
     "void multiply_{size}(int64_t rows, const int64_t *starts, const int32_t *columns, "
-    "const double *a, const double *x, double *y)"
+    "const double *a, const double *x, double *restrict y)"
 )
 # Compilers unroll the loops over a block.
 _BODY = """
 {{
-    a += {size} * {size} * starts[0];
+    for (int64_t i = 0; i < {size} * rows; ++i)
+        y[i] = 0.0;
     for (int64_t i = 0; i < rows; ++i) {{
         double sum[{size}] = {{0.0}};
+        const double *own = x + {size} * i;
         for (int64_t k = starts[i]; k < starts[i + 1]; ++k, a += {size} * {size}) {{
-            const double *v = x + {size} * (int64_t)columns[k];
+            const int64_t j = columns[k];
+            const double *v = x + {size} * j;
             __builtin_prefetch(a + {ahead}, 0, 3);
-            for (int row = 0; row < {size}; ++row)
-                for (int column = 0; column < {size}; ++column)
-                    sum[row] += a[{size} * row + column] * v[column];
+            for (int n = 0; n < {size}; ++n) {{
+                double other = 0.0;
+                for (int m = 0; m < {size}; ++m) {{
+                    sum[n] += a[{size} * n + m] * v[m];
+                    other += a[{size} * m + n] * own[m];
+                }}
+                if (i < j && j < rows)
+                    y[{size} * j + n] += other;
+            }}
         }}
-        for (int row = 0; row < {size}; ++row)
-            y[{size} * i + row] = sum[row];
+        for (int n = 0; n < {size}; ++n)
+            y[{size} * i + n] += sum[n];
     }}
 }}
 """
@@ -61,7 +71,7 @@ def load(comm: MPI.Comm, folder: Path) -> None:
     source = "#include <stdint.h>\n" + "".join(
         (_HEAD + _BODY).format(size=size, ahead=PREFETCHED_BYTES // 8) for size in SIZES
     )
-    declarations = "".join(f"{_HEAD.format(size=size)};\n" for size in SIZES)
+    declarations = "".join(f"{_HEAD.format(size=size)};\n".replace("restrict ", "") for size in SIZES)
     name = f"signorini_fx_blocks_{zlib.crc32((source + repr(_ARGUMENTS)).encode()):08x}"
     for turn in (comm.rank == 0, comm.rank > 0):  # the others find what the first rank has compiled
         error = None
@@ -74,22 +84,28 @@ def load(comm: MPI.Comm, folder: Path) -> None:
 
 
 class BlockProduct:
-    """Products with matrices of blocks of one size and pattern: where rows of blocks begin, shape (rows + 1,), and
-    their columns; ``load`` must have succeeded.
+    """Products with the owned rows of a symmetric matrix of blocks: where the rows begin, shape (n + 1,), the columns,
+    those of other ranks from n on, shape (m,), and the blocks, shape (m, d, d); ``load`` must have succeeded.
     """
 
-    def __init__(self, folder: Path, size: int, starts: npt.NDArray[np.int64], columns: npt.NDArray[np.int32]) -> None:
+    def __init__(
+        self, folder: Path, starts: npt.NDArray[np.int64], columns: npt.NDArray[np.int32], blocks: Array
+    ) -> None:
         module = _LOADED[str(folder)]
         self._cast = module.ffi.cast
-        self._kernel = getattr(module.lib, f"multiply_{size}")
-        self._arrays = np.ascontiguousarray(starts, np.int64), np.ascontiguousarray(columns, np.int32)
-        self._pattern = self._address("int64_t", self._arrays[0]), self._address("int32_t", self._arrays[1])
+        self._kernel = getattr(module.lib, f"multiply_{blocks.shape[1]}")
+        rows = np.repeat(np.arange(starts.size - 1), np.diff(starts))
+        upper = columns >= rows
+        counts = np.bincount(rows[upper], minlength=starts.size - 1)
+        self._arrays = np.concatenate(([0], np.cumsum(counts))), columns[upper], blocks[upper]
+        kinds = "int64_t", "int32_t", "double"
+        self._matrix = [self._address(*each) for each in zip(kinds, self._arrays, strict=True)]
 
     def _address(self, kind: str, array: npt.NDArray[Any]) -> Any:
         assert array.flags.c_contiguous
         return self._cast(f"{kind} *", array.ctypes.data)
 
-    def __call__(self, blocks: Array, x: Array, y: Array) -> None:
-        """Write A x into y; ``blocks``: A, ``x``: with what columns of other ranks need."""
-        vectors = (self._address("double", values) for values in (blocks, x, y))
-        self._kernel(self._arrays[0].size - 1, *self._pattern, *vectors)
+    def __call__(self, x: Array, y: Array) -> None:
+        """Write A x into y; ``x``: with what columns of other ranks need."""
+        vectors = (self._address("double", values) for values in (x, y))
+        self._kernel(self._arrays[0].size - 1, *self._matrix, *vectors)

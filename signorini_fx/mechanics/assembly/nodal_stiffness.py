@@ -147,7 +147,7 @@ def block_stiffness(
         blocks,
         np.diagonal(blocks[on_diagonal], axis1=1, axis2=2).ravel(),
         nodes.local_to_global(np.arange(nodes.size_local + nodes.num_ghosts, dtype=np.int32)),
-        kernels.BlockProduct(folder, size, starts, columns),
+        kernels.BlockProduct(folder, starts, columns, blocks),
         extended.array,
         extended.scatter_forward if comm.size > 1 else None,
     )

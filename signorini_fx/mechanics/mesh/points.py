@@ -100,9 +100,12 @@ def cells_of_points(
     element, size = compat.geometry_element(mesh), _sizes(nodes)
     middle = basix.geometry(element.cell_type).mean(axis=0)
     table = element.tabulate(1, middle[None])[:, 0, :, 0]
-    # How the place moves with the point, in sizes of the cell, where cells are taken for straight simplices.
-    turned = inverses(np.einsum("dk,nkc->cdn", table[1:], nodes / size[:, None, None]))
-    straight = element.degree == 1 and element.cell_type in _SIMPLICES
+    scaled = nodes / size[:, None, None]
+    centre, edges = np.einsum("k,nkc->nc", table[0], scaled), np.einsum("dk,nkc->cdn", table[1:], scaled)
+    # How the place moves with the point, in sizes of the cell, where cells are taken for parallelepipeds or simplices.
+    turned = inverses(edges)
+    flat = centre[:, None] + np.einsum("kd,cdn->nkc", element.points - middle, edges)
+    curved = np.abs(scaled - flat).max(axis=(1, 2)) > NOTHING_LEFT
     cells, reference, gap = np.full(len(x), -1, dtype=np.int32), np.zeros((len(x), dim)), np.full(len(x), np.inf)
     # Cells that differ much in size are apart from each other, because a tree pads all its boxes alike.
     groups = np.floor(np.log2(size))
@@ -123,12 +126,14 @@ def cells_of_points(
                     if not len(point):  # of no points basix's tables of hexahedra end the process
                         continue
                 # Lengths of the cell, so that no unit matters.
-                corners = (nodes[cell] - x[point, None, :dim]) / size[cell, None, None]
-                away = np.einsum("k,nkc->nc", table[0], corners)
-                trial = middle - np.einsum("cdn,nd->nc", turned[..., cell], away)
-                if not straight:
-                    trial = _pull_back(element, corners, trial)
-                distance = _distances(element, corners, trial)
+                away = centre[cell] - x[point, :dim] / size[cell, None]
+                trial, distance = middle - np.einsum("cdn,nd->nc", turned[..., cell], away), np.zeros(len(cell))
+                beside = np.abs(_clipped(element, trial) - trial).max(axis=1) > NOTHING_LEFT
+                rest = np.flatnonzero(curved[cell] | beside)
+                if len(rest):
+                    corners = (nodes[cell[rest]] - x[point[rest], None, :dim]) / size[cell[rest], None, None]
+                    trial[rest] = _pull_back(element, corners, trial[rest])
+                    distance[rest] = _distances(element, corners, trial[rest])
                 far = distance * size[cell]
                 order = np.lexsort((far, point))
                 order = order[(distance <= outside)[order]]
@@ -190,10 +195,15 @@ def _pull_back(element: Any, corners: Array, reference: Array) -> Array:
     return reference
 
 
-def _distances(element: Any, corners: Array, reference: Array) -> Array:
-    """How far cells are from the origin, at most: by the point of the cell next to a place in the reference cell."""
+def _clipped(element: Any, reference: Array) -> Array:
+    """The places in the reference cell next to some in or beside it."""
     inside = np.clip(reference, 0.0, None)
     if element.cell_type in _SIMPLICES:
         inside /= np.maximum(inside.sum(axis=1, keepdims=True), 1.0)
-    inside = np.minimum(inside, 1.0)
-    return np.asarray(np.linalg.norm(np.einsum("nk,nkc->nc", element.tabulate(0, inside)[0, :, :, 0], corners), axis=1))
+    return np.asarray(np.minimum(inside, 1.0))
+
+
+def _distances(element: Any, corners: Array, reference: Array) -> Array:
+    """How far cells are from the origin, at most: by the point of the cell next to a place in the reference cell."""
+    shares = element.tabulate(0, _clipped(element, reference))[0, :, :, 0]
+    return np.asarray(np.linalg.norm(np.einsum("nk,nkc->nc", shares, corners), axis=1))
