@@ -97,7 +97,7 @@ class BlockProduct:
         rows = np.repeat(np.arange(starts.size - 1), np.diff(starts))
         upper = columns >= rows
         counts = np.bincount(rows[upper], minlength=starts.size - 1)
-        self._arrays = np.concatenate(([0], np.cumsum(counts))), columns[upper], blocks[upper]
+        self._arrays = np.concatenate(([0], np.cumsum(counts))), columns[upper], np.compress(upper, blocks, axis=0)
         kinds = "int64_t", "int32_t", "double"
         self._matrix = [self._address(*each) for each in zip(kinds, self._arrays, strict=True)]
 

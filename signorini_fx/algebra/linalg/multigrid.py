@@ -60,11 +60,11 @@ class Hierarchy:
         while at is not None and at.interpolation is not None and at.coarser is not None:
             interpolations.append(at.interpolation)
             at = at.coarser
-            level_matrix = by_entries(_coarse_matrix(coarse[-1] if coarse else matrix, interpolations[-1], at))
-            row_by_row(level_matrix).setBlockSize(at.block)
-            coarse.append(level_matrix)
+            coarse.append(_coarse_matrix(coarse[-1] if coarse else matrix, interpolations[-1], at))
         if at is None or not coarse:
             return cls._aggregated(matrix, level)
+        coarse[-1] = by_entries(coarse[-1])
+        row_by_row(coarse[-1]).setBlockSize(at.block)
         if coarse[-1].getSize()[0] > FEWEST_BLOCK_UNKNOWNS:
             coarse[-1].setNearNullSpace(at.modes())
             below = cls._aggregated(coarse[-1])
@@ -81,7 +81,7 @@ class Hierarchy:
         springs, ones = stiffness[free], np.ones(np.count_nonzero(free))
         all_free = ones.astype(bool)
         coarse = tuple(
-            bordered(matrix, all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
+            bordered(by_entries(matrix), all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
             for matrix in self.coarse
         )
         for level in coarse:

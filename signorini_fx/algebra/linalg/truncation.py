@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, row_by_row
+from signorini_fx.algebra.linalg import DIFFERENT_PATTERN, SAME_PATTERN, SUBSET_PATTERN, is_by_blocks, row_by_row
+from signorini_fx.algebra.linalg.blocks import with_added
 from signorini_fx.tuned import NOTHING_LEFT
 
 Array = npt.NDArray[np.float64]
@@ -171,15 +172,18 @@ class TruncatedLevels:
         for interpolation in self._below:
             self._products.append(self._changes[-1].matMult(interpolation))
             self._changes.append(interpolation.transposeMatMult(self._products[-1]))
-        self._untruncated, self.coarse = list[PETSc.Mat](), list[PETSc.Mat]()
+        # Of a level by blocks only what is added to it changes.
+        self._untruncated, self._truncated, self.coarse = list[PETSc.Mat](), list[PETSc.Mat](), list[PETSc.Mat]()
         for level, change in zip(coarse, self._changes, strict=True):
             # With a little more on its diagonal, and room for the change.
-            diagonal, wider = level.getDiagonal(), level.copy()
-            wider.axpy(1.0, change, structure=DIFFERENT_PATTERN)
+            diagonal, by_blocks = level.getDiagonal(), is_by_blocks(level)
+            wider = PETSc.Mat().createAIJ(level.getSizes(), nnz=1, comm=level.comm) if by_blocks else level.copy()
             diagonal.scale(NOTHING_LEFT)
             wider.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
-            self.coarse.append(row_by_row(wider.copy()))
+            wider.axpy(1.0, change, structure=DIFFERENT_PATTERN)
             self._untruncated.append(wider)
+            self._truncated.append(row_by_row(wider.copy()))
+            self.coarse.append(with_added(level, self._truncated[-1]) if by_blocks else self._truncated[-1])
         for level in self.coarse:
             level.setOption(PETSc.Mat.Option.SPD, True)
 
@@ -219,6 +223,8 @@ class TruncatedLevels:
         for change, interpolation, product, below in above:
             change.matMult(interpolation, result=product)
             interpolation.transposeMatMult(product, result=below)
-        for level, untruncated, change in zip(self.coarse, self._untruncated, self._changes, strict=True):
-            untruncated.copy(level, SAME_PATTERN)
-            level.axpy(1.0, change, structure=SUBSET_PATTERN)
+        levels = zip(self.coarse, self._truncated, self._untruncated, self._changes, strict=True)
+        for level, truncated, untruncated, change in levels:
+            untruncated.copy(truncated, SAME_PATTERN)
+            truncated.axpy(1.0, change, structure=SUBSET_PATTERN)
+            level.stateIncrease()

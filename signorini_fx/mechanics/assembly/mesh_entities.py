@@ -159,11 +159,12 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
     if mesh.topology.cell_name() not in ("quadrilateral", "hexahedron") or compat.geometry_degree(mesh) > 1:
         return False
     dim = mesh.topology.dim
-    corners = mesh.geometry.x[compat.geometry_cells(mesh), :dim]  # in the order of basix: along x[0] first
-    edges = np.stack([corners[:, 2**k] - corners[:, 0] for k in range(dim)], axis=1)
-    shortest = np.min(np.einsum("cki,cki->ck", edges, edges), axis=1)
-    away = corners - corners[:, :1] - compat.geometry_element(mesh).points @ edges
-    apart = np.einsum("cni,cni->cn", away, away) > ROOT_OF_EPS**2 * shortest[:, None]
+    # Shape (d, corners of a cell, cells), corners in the order of basix: along x[0] first.
+    corners = np.ascontiguousarray(mesh.geometry.x.T[:dim])[:, compat.geometry_cells(mesh).T]
+    relative = corners - corners[:, :1]
+    edges = relative[:, 2 ** np.arange(dim)]
+    away = relative - compat.geometry_element(mesh).points @ edges
+    apart = (away**2).sum(axis=0) > ROOT_OF_EPS**2 * (edges**2).sum(axis=0).min(axis=0)
     return not parallel.any_rank(mesh.comm, bool(apart.any()))
 
 
