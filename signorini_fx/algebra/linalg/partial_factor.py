@@ -60,10 +60,9 @@ class PartialFactor:
         self._count, inside = count, self.inner.size
         # Of an indefinite matrix, with a pressure, minimum degree takes fewer operations.
         self._in_order = positions is not None and definite and _order_is_taken()
-        stay, order = places >= 0, self.inner
+        stay, order, rows = places >= 0, self.inner, sp.csr_array(rows[self.inner])
         if positions is not None and self._in_order:
             order = _dissected(rows, self.inner, positions)
-        rows = sp.csr_array(rows[self.inner])
         # First the inner unknowns in their order, then those that stay, then the loads.
         numbers = np.full(places.size, -1, dtype=rows.indices.dtype)
         numbers[order], numbers[stay] = np.arange(inside), inside + places[stay]
@@ -193,31 +192,39 @@ def _symmetrise(values: Array, block: int = 256) -> None:
         values[rows, k + block :] = values[k + block :, rows].T
 
 
+# The last pattern that was dissected, by its hash, with the order: tangents of a nonlinear body have one pattern.
+_last_dissected: dict[int, Numbers] = {}
+
+
 def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     """The inner unknowns, ascending in ``inner``, in the order of nested dissection, those of a node one after another,
-    shape (m,). ``rows``: of the n unknowns of this rank, whose columns come first; ``positions``: of the first of them,
-    the others are eliminated at the end.
+    shape (m,). ``rows``: theirs, with the columns of this rank first; ``positions``: of the first unknowns, the others
+    are eliminated at the end.
     """
+    pattern = hash(tuple(values.tobytes() for values in (rows.indptr, rows.indices, inner, positions)))
+    if pattern not in _last_dissected:
+        _last_dissected.clear()
+        _last_dissected[pattern] = _newly_dissected(rows, inner, positions)
+    return _last_dissected[pattern]
+
+
+def _newly_dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     behind, inner = inner[inner >= len(positions)], inner[inner < len(positions)]
     if not inner.size:
         return behind
     begins = np.ones(len(positions), dtype=bool)
     begins[1:] = np.logical_or.reduce([column[1:] != column[:-1] for column in positions.T])
-    node = (np.cumsum(begins) - 1)[inner]
-    counts = np.bincount(node)
-    alive = np.flatnonzero(counts)
-    first = np.flatnonzero(begins)[alive]
-    number = np.full(rows.shape[1], -1)  # by the first unknown of each node that has inner ones
-    number[first] = np.arange(first.size)
+    _, first, node = np.unique(np.cumsum(begins)[inner], return_index=True, return_inverse=True)
+    number = np.full(rows.shape[1], -1)  # by the first inner unknown of each node
+    number[inner[first]] = np.arange(first.size)
     node_rows = rows[first]
     columns = number[node_rows.indices]
     coupled = columns >= 0
     ends = np.concatenate(([0], np.cumsum(coupled)))[node_rows.indptr]
     columns = columns[coupled]
     graph = sp.csr_array((np.broadcast_to(1.0, columns.size), columns, ends), shape=(first.size,) * 2)
-    order = alive[_nested_dissection(graph, positions.take(first, axis=0))]
-    when = np.empty(counts.size, dtype=np.intp)
-    when[order] = np.arange(order.size)
+    when = np.empty(first.size, dtype=np.intp)
+    when[_nested_dissection(graph, positions.take(inner[first], axis=0))] = np.arange(first.size)
     return np.concatenate((inner[np.argsort(when[node], kind="stable")], behind))
 
 
