@@ -214,12 +214,12 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
     """Which points, of the pieces ``of_node``, are in a cell of this rank that belongs to another piece, shape (m,)."""
     within, corners = np.zeros(len(at), dtype=bool), cells.corners(places)
     high, low = (reduce(extreme, corners.swapaxes(0, 1)) for extreme in (np.maximum, np.minimum))
-    near = np.zeros(len(corners), dtype=bool)
+    meeting = np.zeros(len(corners), dtype=bool)
     for own in np.unique(piece):  # cells whose boxes meet that of all points of other pieces
         others = at[of_node != own]
         if len(others):
-            near |= (piece == own) & ((high >= others.min(axis=0)) & (low <= others.max(axis=0))).all(axis=1)
-    near = np.flatnonzero(near)
+            meeting |= (piece == own) & ((high >= others.min(axis=0)) & (low <= others.max(axis=0))).all(axis=1)
+    near = np.flatnonzero(meeting)
     if not near.size:
         return within
     corners = corners[near]

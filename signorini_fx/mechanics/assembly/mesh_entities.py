@@ -160,7 +160,8 @@ def parallelepipeds(mesh: dmesh.Mesh) -> bool:
         return False
     dim = mesh.topology.dim
     # Shape (d, corners of a cell, cells), corners in the order of basix: along x[0] first.
-    corners = np.ascontiguousarray(mesh.geometry.x.T[:dim])[:, compat.geometry_cells(mesh).T]
+    x: npt.NDArray[np.float64] = np.ascontiguousarray(mesh.geometry.x.T[:dim], dtype=np.float64)
+    corners = x[:, compat.geometry_cells(mesh).T]
     relative = corners - corners[:, :1]
     edges = relative[:, 2 ** np.arange(dim)]
     away = relative - compat.geometry_element(mesh).points @ edges
