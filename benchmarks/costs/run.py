@@ -46,7 +46,7 @@ RATIOS: tuple[tuple[str, str, float | None], ...] = (
     ("sweep of 20 coefficients", "mumps", 3.0),
 )
 # At most, on the larger mesh.
-OVER_GAMG = {"frictionless": 0.45, "tresca": 0.5, "coulomb": 0.55}
+OVER_GAMG = {"frictionless": 0.4, "tresca": 0.44, "coulomb": 0.48}
 MEMORY_OVER_MUMPS = 1.5
 WARM = 12  # cells along the bottom on which forms are compiled
 
