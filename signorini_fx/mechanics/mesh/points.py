@@ -133,7 +133,9 @@ def cells_of_points(
                 if len(rest):
                     corners = (nodes[cell[rest]] - x[point[rest], None, :dim]) / size[cell[rest], None, None]
                     trial[rest] = _pull_back(element, corners, trial[rest])
-                    distance[rest] = _distances(element, corners, trial[rest])
+                    # At most: the distance of the point of the cell next to the place in the reference cell.
+                    shares = element.tabulate(0, _clipped(element, trial[rest]))[0, :, :, 0]
+                    distance[rest] = np.linalg.norm(np.einsum("nk,nkc->nc", shares, corners), axis=1)
                 far = distance * size[cell]
                 order = np.lexsort((far, point))
                 order = order[(distance <= outside)[order]]
@@ -201,9 +203,3 @@ def _clipped(element: Any, reference: Array) -> Array:
     if element.cell_type in _SIMPLICES:
         inside /= np.maximum(inside.sum(axis=1, keepdims=True), 1.0)
     return np.asarray(np.minimum(inside, 1.0))
-
-
-def _distances(element: Any, corners: Array, reference: Array) -> Array:
-    """How far cells are from the origin, at most: by the point of the cell next to a place in the reference cell."""
-    shares = element.tabulate(0, _clipped(element, reference))[0, :, :, 0]
-    return np.asarray(np.linalg.norm(np.einsum("nk,nkc->nc", shares, corners), axis=1))
