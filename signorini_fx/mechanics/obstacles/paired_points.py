@@ -74,9 +74,8 @@ class PairedSide:
             measure = from_owners(owned, nodes, mesh.comm)[:, 0]
         numbers = numbers.reshape(names.shape).astype(np.int64)
         surface = PairSurface.of(numbers, x, Lagrange(places), np.ones(len(names)), measure)
-        at = np.broadcast_to(places.mean(axis=0), (len(names), 1, dim - 1))
-        away = surface.corners.mean(axis=1) - middles
-        sign = np.sign(np.einsum("fd,fd->f", surface.normals(np.arange(len(names)), at)[:, 0], away))
+        normals = surface.normals(np.arange(len(names)), places.mean(axis=0)[None, None])[:, 0]
+        sign = np.sign(np.einsum("fd,fd->f", normals, surface.corners.mean(axis=1) - middles))
         return cls(replace(surface, sign=sign), nodes.astype(np.int64), facets)
 
     def owned(self, space: fem.FunctionSpace) -> Flags:
@@ -100,7 +99,7 @@ def averaged_points(
     )
     at = np.broadcast_to(points, (numbers.size, *points.shape))
     itself = Overlap(numbers, numbers, at, at, surface.sizes(numbers, at) * weights)
-    tested = Tested.of(surface, surface, itself, bonded=False)
+    tested = Tested(surface, surface, itself)
     area = tested.areas
     mine = np.flatnonzero((area > 0) & side.owned(space))
     shares = sp.csr_array(sp.diags_array(1.0 / area[mine]) @ tested.products[mine, : len(surface.x)])

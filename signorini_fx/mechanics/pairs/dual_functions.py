@@ -26,11 +26,10 @@ def constrained(movable: Array) -> Flags:
     return np.asarray(movable < 0.5 - SAME_NUMBER)
 
 
-def dual_coefficients(side: PairSurface, overlap: Overlap) -> Array:
-    """A_e of each facet, shape (f, t, t); zero where it is not covered."""
-    tests = side.tests.values(overlap.at)
-    products = np.einsum("pq,pqi,pqj->pij", overlap.weight, tests, tests)
-    mass = np.zeros((len(side.nodes), *products.shape[1:]))
+def dual_coefficients(tests: Array, overlap: Overlap, count: int) -> Array:
+    """A_e of so many facets, shape (f, t, t), from N at the points of the overlap; zero where one is not covered."""
+    products = (tests * overlap.weight[..., None]).swapaxes(1, 2) @ tests
+    mass = np.zeros((count, *products.shape[1:]))
     np.add.at(mass, overlap.slave, products)
     covered = np.zeros(len(mass), dtype=bool)
     covered[overlap.slave] = True

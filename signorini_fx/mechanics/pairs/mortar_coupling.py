@@ -22,7 +22,7 @@ rotation that of the master, omega_i(u_m) x d_i: with D = 1 a ring of facets tur
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,9 +34,16 @@ from scipy.spatial import cKDTree
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import carried, constrained, dual_coefficients, extended
 from signorini_fx.mechanics.pairs.overlap import plane_overlap, space_overlap, turned
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, scaled_rows, turning_of, without_round_off
+from signorini_fx.mechanics.pairs.pair_side import (
+    Overlap,
+    PairSurface,
+    scaled_rows,
+    summed,
+    turning_of,
+    without_round_off,
+)
 from signorini_fx.mechanics.pairs.search import Parts, default_reach
-from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, NEGLIGIBLE, SAME_NUMBER
+from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, NEGLIGIBLE, SAME_LENGTH, SAME_NUMBER
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -106,32 +113,46 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Tested:
-    """The overlap of two sides, with the ``coefficients`` of the functions of the points on each facet of the slave,
-    shape (f, t, t).
-    """
+    """The overlap of two sides, with the functions of the points on what is covered; ``bonded``: see ``couple``."""
 
     slave: PairSurface
     master: PairSurface
     overlap: Overlap
-    coefficients: Array
+    bonded: bool = False
 
-    @classmethod
-    def of(cls, slave: PairSurface, master: PairSurface, overlap: Overlap, *, bonded: bool) -> Tested:
-        """With the functions on what is covered; ``bonded``: see ``couple``."""
-        hats = np.tile(np.eye(len(slave.tests.places)), (len(slave.nodes), 1, 1))
-        uses_hats = bonded and len(slave.tests.places) < len(slave.functions.places)
-        return cls(slave, master, overlap, hats if uses_hats else dual_coefficients(slave, overlap))
+    def chosen(self, pieces: npt.NDArray[np.bool_]) -> Tested:
+        """The same with some of the pieces, shape (p,)."""
+        if pieces.all():
+            return self
+        return replace(self, overlap=Overlap(*(getattr(self.overlap, entry.name)[pieces] for entry in fields(Overlap))))
 
-    def moving(self, *, bonded: bool) -> Tested:
+    def within(self, reach: float) -> Tested:
+        """With the pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""
+        overlap, weight = self.overlap, self.overlap.weight
+        _, pair = np.unique(overlap.slave * len(self.master.nodes) + overlap.master, return_inverse=True)
+        moment = (weight[:, None] @ self.distance)[:, 0]
+        mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
+        near = np.linalg.norm(mean, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(pair, weight.sum(axis=1))
+        return self.chosen(near[pair])
+
+    @property
+    def moving(self) -> Tested:
         """Where one side can move: without facets over each other of which supports hold all nodes."""
         sides = (self.slave, self.overlap.slave), (self.master, self.overlap.master)
         on_slave, on_master = (np.asarray(side.held[side.nodes[facets]].all(axis=1)) for side, facets in sides)
-        still = on_slave & on_master
-        return Tested.of(self.slave, self.master, self.overlap.chosen(~still), bonded=bonded) if still.any() else self
+        return self.chosen(~(on_slave & on_master))
 
-    def without(self, facets: npt.NDArray[np.bool_]) -> Tested:
-        """The same without some facets of the slave, shape (f,)."""
-        return replace(self, overlap=self.overlap.chosen(~facets[self.overlap.slave]))
+    @cached_property
+    def tests(self) -> Array:
+        """What the functions are made of at the points of the overlap, shape (p, q, t)."""
+        return self.slave.tests.values(self.overlap.at)
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Of the functions of the points on each facet of the slave, shape (f, t, t)."""
+        if self.bonded and self.slave.tests is not self.slave.functions:
+            return np.tile(np.eye(self.tests.shape[2]), (len(self.slave.nodes), 1, 1))
+        return dual_coefficients(self.tests, self.overlap, len(self.slave.nodes))
 
     @cached_property
     def area(self) -> Array:
@@ -142,24 +163,27 @@ class Tested:
     @cached_property
     def weighted(self) -> Array:
         """The functions times areas at the points of the overlap, shape (p, q, t)."""
-        overlap, tests = self.overlap, self.slave.tests.values(self.overlap.at)
-        psi = np.einsum("pij,pqj->pqi", self.coefficients[overlap.slave], tests)
-        return np.asarray(psi * overlap.weight[..., None])
+        coefficients = self.coefficients[self.overlap.slave]
+        return np.asarray(self.tests @ coefficients.swapaxes(1, 2) * self.overlap.weight[..., None])
 
     @cached_property
     def areas(self) -> Array:
         """Integrals of the functions of the nodes of the slave, shape (N,)."""
-        return self.moments(np.ones((*self.weighted.shape[:2], 1)))[:, 0]
+        sums = self.weighted.sum(axis=1), self.slave.points[self.overlap.slave]
+        return np.bincount(sums[1].ravel(), sums[0].ravel(), minlength=len(self.slave.x)).astype(np.float64)
 
     @cached_property
     def shapes(self) -> tuple[Array, Array]:
         """The functions of both sides at the points of the overlap, shapes (p, q, k) and (p, q, l)."""
-        return self.slave.functions.values(self.overlap.at), self.master.functions.values(self.overlap.over)
+        slave = self.slave
+        on_slave = self.tests if slave.tests is slave.functions else slave.functions.values(self.overlap.at)
+        return on_slave, self.master.functions.values(self.overlap.over)
 
     @cached_property
     def distance(self) -> Array:
         """From each slave point to the master point over it, length, shape (p, q, d)."""
-        return self.overlap.distance(self.slave, self.master)
+        on_slave, on_master = self.slave.corners[self.overlap.slave], self.master.corners[self.overlap.master]
+        return np.asarray(self.shapes[1] @ on_master - self.shapes[0] @ on_slave)
 
     @cached_property
     def products(self) -> sp.csr_array:
@@ -184,16 +208,14 @@ class Tested:
     @property
     def arms(self) -> sp.csr_array:
         """The areas over which the functions see the nodes of both sides, likewise."""
-        shape = self.slave.points.shape[1], self.slave.nodes.shape[1] + self.master.nodes.shape[1]
-        return self._sums(np.broadcast_to(self.overlap.weight.sum(axis=1)[:, None, None], (len(self.weighted), *shape)))
+        return self._sums(self.overlap.weight.sum(axis=1)[:, None, None])
 
     def _sums(self, values: Array) -> sp.csr_array:
         """Values of each piece for the functions there and the nodes of both sides, added up."""
         slave, master, overlap = self.slave, self.master, self.overlap
         nodes = np.hstack((slave.nodes[overlap.slave], len(slave.x) + master.nodes[overlap.master]))
-        both = slave.points[overlap.slave][:, :, None], nodes[:, None]
-        places = tuple(np.broadcast_to(at, values.shape).ravel() for at in both)
-        return sp.csr_array((values.ravel(), places), shape=(len(slave.x), len(slave.x) + len(master.x)))
+        shape = len(slave.x), len(slave.x) + len(master.x)
+        return summed(values, slave.points[overlap.slave][:, :, None], nodes[:, None], shape)
 
     @property
     def covered(self) -> Indices:
@@ -203,8 +225,7 @@ class Tested:
     def moments(self, values: Array) -> Array:
         """Integrals of functions times values at the points, shape (p, q, k), by nodes, shape (N, k)."""
         integrals = np.zeros((len(self.slave.x), values.shape[2]))
-        moments = np.einsum("pqi,pqk->pik", self.weighted, values)
-        np.add.at(integrals, self.slave.points[self.overlap.slave], moments)
+        np.add.at(integrals, self.slave.points[self.overlap.slave], self.weighted.swapaxes(1, 2) @ values)
         return integrals
 
 
@@ -236,14 +257,15 @@ def couple(
     if reach is None:
         reach = default_reach(slave.x, master.x)
     whole, _ = projected(slave, master, reach, comm, bonded=bonded, nominal=nominal)
-    tested = whole.moving(bonded=bonded)
+    tested = whole.moving
     fixed = constrained(tested.movable)
     nodes, shares = carried(slave, tested.covered, tested.areas, slave.unable | fixed)
     if not nodes.size:
         raise PairingError("supports of both sides, or other contacts, own all nodes of its covered part")
     # Facets apart from all points, of which all nodes are constrained: nobody takes over their functions.
     carried_nodes = np.asarray(shares.sum(axis=0)).ravel() > 0.0
-    tested = tested.without(np.asarray((fixed & ~carried_nodes)[slave.points].all(axis=1)))
+    nobody = np.asarray((fixed & ~carried_nodes)[slave.points].all(axis=1))
+    tested = tested.chosen(~nobody[tested.overlap.slave])
     _refuse_bare(tested, shares)
     if mine is not None:
         nodes, shares = nodes[mine[nodes]], sp.csr_array(shares[mine[nodes]])
@@ -263,15 +285,12 @@ def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bo
     weight = shares @ tested.areas
     mean = scaled_rows(np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0), shares)
     distance = mean @ tested.moments(tested.distance)
-    both, first = without_round_off(sp.csr_array(mean @ tested.products)), len(slave.x)
-    half, of_master = 0.0 if nominal else 0.5, both.indices >= first
-    both_distances = half * distance, (1.0 - half) * distance
-    turning = turning_of(sp.csr_array(mean @ tested.arms), (slave.x, master.x), both_distances)
-    directions = np.concatenate((slave.directions, master.directions))
-    on_slave = both[:, :first]
-    both.data[of_master] *= -1.0
+    both, half = without_round_off(mean @ tested.products), 0.0 if nominal else 0.5
+    centre = both @ np.concatenate((slave.x, np.zeros_like(master.x))) + half * distance
+    turning = turning_of(mean @ tested.arms, (slave.x, master.x), (half * distance, (1.0 - half) * distance))
+    both.data[both.indices >= len(slave.x)] *= -1.0
+    directions, covered = np.concatenate((slave.directions, master.directions)), float(tested.area.sum())
     normal = slave.nodal_normals[nodes] if nominal else slave.in_planes(both @ directions, nodes)
-    centre, covered = on_slave @ slave.x + half * distance, float(tested.area.sum())
     return Coupling(nodes, weight, normal, distance, both, mean, turning, centre, covered, covered)
 
 
@@ -311,7 +330,7 @@ def projected(
 
     def found(directions: Array | None) -> Tested:
         overlap = project(*parts, reach, directions, comm).over_ranks(comm)
-        return Tested.of(slave, master, overlap.within(reach, slave, master), bonded=bonded)
+        return Tested(slave, master, overlap, bonded).within(reach)
 
     tested = found(None)
     if apart and not tested.area.any():

@@ -217,11 +217,9 @@ def plane_overlap(
     turning = (np.abs(sine) / np.maximum(cosine, SAME_NUMBER)).max(axis=1)
     numbers, master_facets = candidates(slave_parts, master_parts, reach, turning)
     slave_facets, normals = facets[numbers], normals[numbers]
-    corners = slave.corners[slave_facets]
-    at_ends = [np.full((len(master_facets), 1, 1), parameter) for parameter in (0.0, 1.0)]
-    vertices = np.concatenate([master.positions(master_facets, end)[:, 0] for end in at_ends])
-    ends: Array = place_under(slave.functions, np.tile(corners, (2, 1, 1)), np.tile(normals, (2, 1, 1)), vertices)
-    ends = ends.reshape(2, -1).T.copy()  # of each pair: the images of both ends
+    corners, ways = slave.corners[slave_facets], slave.functions.polynomials(normals)[:, :, None]
+    # Of each pair: the images of both ends.
+    ends = place_under(slave.functions, corners, ways, master.positions(master_facets, np.array([[[0.0], [1.0]]])))
     ends.sort(axis=1)
     meets = ends[:, 1] - ends[:, 0] > NOTHING_LEFT
     slave_facets, master_facets = slave_facets[meets], master_facets[meets]
@@ -229,26 +227,23 @@ def plane_overlap(
     width = ends[:, 1] - ends[:, 0]
     at = ends[:, :1] + width[:, None] * (_PLACES_OF_RULE + 1) / 2
     shape = slave.functions.values(at[..., None])
-    x, normal = np.einsum("mqk,mkd->mqd", shape, corners), np.einsum("mqk,mkd->mqd", shape, normals)
-    opposite = np.repeat(master.corners[master_facets], at.shape[1], axis=0)
-    straight = np.broadcast_to(normal.reshape(-1, 1, 2), opposite.shape)
-    over = place_under(master.functions, opposite, straight, x.reshape(-1, 2)).reshape(at.shape)
+    over = place_under(master.functions, master.corners[master_facets], (shape @ normals)[:, None], shape @ corners)
     weight = slave.sizes(slave_facets, at[..., None]) * _WEIGHTS_OF_RULE / 2 * width[:, None]
     return Overlap(slave_facets, master_facets, at[..., None], over[..., None], weight)
 
 
-def place_under(functions: Lagrange, corners: Array, normals: Array, x: Array) -> Array:
-    """The place s in [0, 1] of the point of a facet under each point of shape (m, d), along directions between those at
-    the nodes, or the end beyond which it is.
+def place_under(functions: Lagrange, corners: Array, ways: Array, x: Array) -> Array:
+    """The places s in [0, 1] of the points of facets with such corners, shape (m, k, d), under points, shape (m, q, d),
+    or the ends beyond which they are; ``ways``: factors of the powers of s in the directions, shape (m, w, q or 1, d).
     """
-    places, ways = (functions.polynomials(values) for values in (corners - corners[:, :1], normals))
+    places = functions.polynomials(corners - corners[:, :1])[:, :, None]
     along = places[:, 1:].sum(axis=1)
-    places[:, 0] -= x - corners[:, 0]
     # The misses are polynomials of the place: along the facet they fall or rise, as its normal is on its right or left.
-    misses: Array = np.zeros((2 * places.shape[1] - 1, len(x)))
-    for power in range(places.shape[1]):
-        misses[power : power + ways.shape[1]] -= _cross(places[:, power, None], ways).T
-    misses *= np.sign(_cross(along, normals.mean(axis=1)))
+    misses: Array = np.zeros((2 * places.shape[1] - 1, *x.shape[:2]))
+    misses[: ways.shape[1]] = _cross((x - corners[:, :1])[:, None], ways).swapaxes(0, 1)
+    for power in range(1, places.shape[1]):
+        misses[power : power + ways.shape[1]] -= _cross(places[:, power, None], ways).swapaxes(0, 1)
+    misses *= np.sign(_cross(along, ways[:, 0] + ways.sum(axis=1)))
     at = np.where(misses[0] <= 0, 0.0, 1.0)
     within = (misses[0] > 0) & (misses.sum(axis=0) < 0)
     at[within] = _crossing(misses[:, within])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from typing import Any
 
@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from mpi4py import MPI
 
 from signorini_fx.machine import parallel
-from signorini_fx.tuned import SAME_LENGTH, SAME_NUMBER, ZERO_COMPONENT
+from signorini_fx.tuned import SAME_NUMBER, ZERO_COMPONENT
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -29,6 +29,8 @@ Flags = npt.NDArray[np.bool_]
 
 # Degrees of quadrature for integrals over one side alone, by the nodes of a facet: exact on affine facets.
 _DEGREE = 8
+
+_quadrature = cache(basix.make_quadrature)
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,20 @@ class Lagrange:
         kind = basix.CellType.interval
         if self.places.shape[1] == 2:
             kind = basix.CellType.triangle if self.simplex else basix.CellType.quadrilateral
-        points, weights = basix.make_quadrature(kind, degree)
+        points, weights = _quadrature(kind, degree)
         return np.asarray(points), np.asarray(weights)
+
+    @cached_property
+    def tests(self) -> Lagrange:
+        """The functions that the test functions are dual to: on quadratic triangles the hats of the vertices, which
+        come first; else the functions themselves.
+        """
+        return Lagrange(self.places[:3]) if self.places.shape == (6, 2) else self
+
+    @cached_property
+    def vertices(self) -> list[int]:
+        """Numbers of the nodes at the corners, in order around the facet."""
+        return [int(np.abs(self.places - corner).sum(axis=1).argmin()) for corner in self.corners]
 
     @property
     def parts(self) -> Array:
@@ -124,8 +138,7 @@ class PairSurface:
         held: nodes that supports hold along their normals, shape (N,).
         unable: nodes that cannot carry a point, because another contact owns them, shape (N,).
         measure: by what areas are multiplied, at all nodes, between which it is interpolated, shape (N,); None: 1.
-        undeformed: positions of all nodes of which areas are, where ``x`` are those of a deformed body, length, shape
-            (N, d); None: those of ``x``.
+        undeformed: of which areas are, where ``x`` are positions of a deformed body; None: the same.
     """
 
     nodes: Indices
@@ -136,7 +149,7 @@ class PairSurface:
     held: Flags
     unable: Flags
     measure: Array | None = None
-    undeformed: Array | None = None
+    undeformed: PairSurface | None = None
 
     @classmethod
     def of(
@@ -148,8 +161,8 @@ class PairSurface:
 
     def displaced(self, displacement: Array) -> PairSurface:
         """The same nodes elsewhere, with the areas of the undeformed surface; ``displacement``: shape (N, d)."""
-        start = self.x if self.undeformed is None else self.undeformed
-        return replace(self, x=start + displacement, undeformed=start)
+        start = self if self.undeformed is None else self.undeformed
+        return replace(start, x=start.x + displacement, undeformed=start)
 
     @property
     def dimension(self) -> int:
@@ -161,14 +174,10 @@ class PairSurface:
         """Positions of the nodes of each facet, shape (f, k, d)."""
         return np.asarray(self.x[self.nodes])
 
-    @cached_property
+    @property
     def tests(self) -> Lagrange:
-        """The functions that the test functions are dual to: on quadratic triangles the hats of the vertices, which
-        come first; else the functions themselves.
-        """
-        if self.dimension == 3 and len(self.functions.places) == 6:
-            return Lagrange(self.functions.places[:3])
-        return self.functions
+        """What the test functions are dual to."""
+        return self.functions.tests
 
     @property
     def points(self) -> Indices:
@@ -177,48 +186,45 @@ class PairSurface:
 
     def normals(self, facets: Indices, at: Array) -> Array:
         """Outward normals times the area (in 2D: length) of a unit of the reference facet at points of some facets,
-        shape (m, q, d - 1): shape (m, q, d).
+        shape (m, q, d - 1), or the same of all, (1, q, d - 1): shape (m, q, d).
         """
-        return self._crossed(self.corners, facets, at) * self.sign[facets][:, None, None]
+        return self._crossed(facets, at) * self.sign[facets][:, None, None]
 
     def sizes(self, facets: Indices, at: Array) -> Array:
         """Undeformed area (in 2D: length) of a unit of the reference facet times the measure, shape (m, q), see
         ``normals``.
         """
-        corners = self.corners if self.undeformed is None else self.undeformed[self.nodes]
-        sizes = np.linalg.norm(self._crossed(corners, facets, at), axis=2)
+        if self.undeformed is not None:
+            return self.undeformed.sizes(facets, at)
+        sizes = np.linalg.norm(self._crossed(facets, at), axis=2)
         if self.measure is not None:
-            sizes *= np.einsum("mqk,mk->mq", self.functions.values(at), self.measure[self.nodes[facets]])
+            sizes *= (self.functions.values(at) @ self.measure[self.nodes[facets]][..., None])[..., 0]
         return np.asarray(sizes)
 
-    def _crossed(self, corners: Array, facets: Indices, at: Array) -> Array:
-        """Normals up to their signs, of facets with these corners, see ``normals``."""
-        return across(self.functions.slopes(at) @ corners[facets])
+    def _crossed(self, facets: Indices, at: Array) -> Array:
+        """Normals up to their signs."""
+        return across(self.functions.slopes(at) @ self.corners[facets])
 
     def positions(self, facets: Indices, at: Array) -> Array:
         """Positions of points of each facet, length, shapes as in ``normals``."""
         return np.asarray(self.functions.values(at) @ self.corners[facets])
 
     @cached_property
-    def _integrals(self) -> tuple[Array, Array, Array]:
-        """Of test functions, these times the normal, and 1 over each facet: (N,), (N, d), (f,)."""
+    def _areas(self) -> tuple[Array, Array]:
+        """Integrals of test functions, and of 1 over each facet: (N,), (f,)."""
+        if self.undeformed is not None:
+            return self.undeformed._areas
         points, weights = self.functions.rule(_DEGREE)
-        facets = np.arange(len(self.nodes))
-        at = np.broadcast_to(points, (len(facets), *points.shape))
-        normals = self.normals(facets, at)
-        tests = self.tests.values(points) * weights[:, None]
-        area, moment = np.zeros(len(self.x)), np.zeros(self.x.shape)
-        sizes = self.sizes(facets, at)
-        np.add.at(area, self.points, np.einsum("qt,mq->mt", tests, sizes))
-        np.add.at(moment, self.points, np.einsum("qt,mqd->mtd", tests, normals))
-        return area, moment, sizes @ weights
+        sizes, area = self.sizes(np.arange(len(self.nodes)), points[None]) * weights, np.zeros(len(self.x))
+        np.add.at(area, self.points, sizes @ self.tests.values(points))
+        return area, sizes.sum(axis=1)
 
     @property
     def area(self) -> Array:
         """The area (in 2D: length) of each node, the integral of its test function times the measure, shape
         (N,).
         """
-        return self._integrals[0]
+        return self._areas[0]
 
     @property
     def without_area(self) -> npt.NDArray[np.bool_]:
@@ -238,16 +244,19 @@ class PairSurface:
         """
         return self.in_planes(self.moments, np.arange(len(self.x)))
 
-    @property
+    @cached_property
     def moments(self) -> Array:
         """The integrals of the outward normal times the test function of each node, shape (N, d)."""
-        return self._integrals[1]
+        points, weights = self.functions.rule(_DEGREE)
+        tests, moments = self.tests.values(points) * weights[:, None], np.zeros(self.x.shape)
+        np.add.at(moments, self.points, tests.T @ self.normals(np.arange(len(self.nodes)), points[None]))
+        return moments
 
     def in_planes(self, vectors: Array, nodes: Indices) -> Array:
         """Vectors at some nodes, shape (m, d), without what they have across planes of symmetry, and of length one;
         zero where they are.
         """
-        vectors = vectors - np.einsum("nij,nj->ni", self.across[nodes], vectors)
+        vectors = vectors - (self.across[nodes] @ vectors[..., None])[..., 0]
         size = np.linalg.norm(vectors, axis=1, keepdims=True)
         return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0)
 
@@ -266,7 +275,7 @@ class PairSurface:
     @property
     def facet_areas(self) -> Array:
         """Area (in 2D: length) of each facet, times the measure, shape (f,)."""
-        return self._integrals[2]
+        return self._areas[1]
 
 
 @dataclass(frozen=True)
@@ -286,25 +295,9 @@ class Overlap:
     over: Array
     weight: Array
 
-    def distance(self, slave: PairSurface, master: PairSurface) -> Array:
-        """From each slave point to the master point over it, length, shape (p, q, d)."""
-        return master.positions(self.master, self.over) - slave.positions(self.slave, self.at)
-
     def over_ranks(self, comm: MPI.Comm) -> Overlap:
         """Those of all ranks; collective."""
         return Overlap(*(parallel.gather_rows(comm, getattr(self, entry.name)) for entry in fields(self)))
-
-    def within(self, reach: float, slave: PairSurface, master: PairSurface) -> Overlap:
-        """The pieces of the pairs of facets whose mean distance, of all pieces, is at most ``reach``, length."""
-        _, pair = np.unique(self.slave * len(master.nodes) + self.master, return_inverse=True)
-        moment = np.einsum("pq,pqd->pd", self.weight, self.distance(slave, master))
-        mean = np.stack([np.bincount(pair, column) for column in moment.T], axis=1)
-        near = np.linalg.norm(mean, axis=1) <= (1.0 + SAME_LENGTH) * reach * np.bincount(pair, self.weight.sum(axis=1))
-        return self.chosen(near[pair])
-
-    def chosen(self, pieces: npt.NDArray[np.bool_]) -> Overlap:
-        """Some of the pieces, shape (p,)."""
-        return Overlap(self.slave[pieces], self.master[pieces], self.at[pieces], self.over[pieces], self.weight[pieces])
 
 
 def scaled_rows(factors: Array, matrix: Any) -> sp.csr_array:
@@ -313,6 +306,12 @@ def scaled_rows(factors: Array, matrix: Any) -> sp.csr_array:
     scaled.data *= np.repeat(factors, np.diff(scaled.indptr))
     scaled.eliminate_zeros()
     return scaled
+
+
+def summed(values: Array, rows: Indices, columns: Indices, shape: tuple[int, int]) -> sp.csr_array:
+    """Values at places, broadcast to one shape, added up: sparse."""
+    entries, *places = (numbers.ravel() for numbers in np.broadcast_arrays(values, rows, columns))
+    return sp.csr_array((entries, places), shape=shape)
 
 
 def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
@@ -328,7 +327,7 @@ def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
     row = np.repeat(np.arange(len(vectors)), np.diff(blocks.indptr))
     values = vectors.swapaxes(1, 2)[row] @ blocks.data
     shape = (vectors.shape[0] * vectors.shape[2], blocks.shape[1])
-    rows = sp.csr_array(sp.bsr_array((values, blocks.indices, blocks.indptr), shape=shape))
+    rows = sp.bsr_array((values, blocks.indices, blocks.indptr), shape=shape).tocsr()
     rows.eliminate_zeros()
     return rows
 
@@ -362,12 +361,11 @@ def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[
     for _ in range(2):
         sums = np.stack([np.bincount(row, a * component, count) for component in r.T], axis=1)
         r = r - sums[row] / total[row]
-    r, d = (np.pad(vectors, ((0, 0), (0, 3 - dim))) for vectors in (r, d))
-    inertia: Array = np.zeros((count, 3, 3))
-    squares = np.einsum("ld,ld->l", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
-    np.add.at(inertia, row, a[:, None, None] * squares)
+    turns, moments = _crossing(r), a[:, None, None] * _crossing(r)
+    inertia: Array = np.zeros((count, *turns.shape[1:2] * 2))
+    np.add.at(inertia, row, moments @ turns.swapaxes(1, 2))
     inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
-    blocks = (-_crossing(d) @ inverse[row] @ (a[:, None, None] * _crossing(r)))[:, :dim, :dim]
+    blocks = _crossing(d).swapaxes(1, 2) @ inverse[row] @ moments
     blocks[np.abs(blocks) < ZERO_COMPONENT] = 0.0
     shape = (dim * arms.shape[0], dim * arms.shape[1])
     return sp.bsr_array((blocks, arms.indices, arms.indptr), shape=shape)
@@ -396,8 +394,7 @@ def turned_normals(side: PairSurface, turned_too: Array | None = None) -> sp.csr
     values = across[side.points][:, :, None] @ (turning * side.sign[:, None, None, None, None])
     rows = dim * side.points[:, :, None, None, None] + np.arange(dim)[:, None]
     columns = dim * side.nodes[:, None, :, None, None] + np.arange(dim)
-    places = tuple(np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns))
-    return sp.csr_array((values.ravel(), places), shape=(dim * count, dim * count))
+    return summed(values, rows, columns, (dim * count, dim * count))
 
 
 def across(along: Array) -> Array:
@@ -406,7 +403,9 @@ def across(along: Array) -> Array:
 
 
 def _crossing(vectors: Array) -> Array:
-    """The matrices of v x ., shape (n, 3, 3)."""
+    """The matrices of v x ., shape (n, 3, 3), in 2D (n, 1, 2)."""
+    if vectors.shape[1] == 2:
+        return np.stack((-vectors[:, 1], vectors[:, 0]), axis=1)[:, None]
     matrices = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
     matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x

@@ -42,6 +42,11 @@ class Patches:
         """Of a ball around the centre, shape (p,)."""
         return np.asarray(np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1))
 
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Of the centres."""
+        return cKDTree(self.centre)
+
 
 @dataclass(frozen=True)
 class Parts(Patches):
@@ -58,7 +63,8 @@ class Parts(Patches):
         """Those of some facets."""
         parts = side.functions.parts
         facet, reference = np.repeat(facets, len(parts)), np.tile(parts, (len(facets), 1, 1))
-        corners, linear = side.positions(facet, reference), Lagrange(side.functions.corners)
+        corners = (side.functions.values(parts) @ side.corners[facets, None]).reshape(facet.size, -1, side.dimension)
+        linear = Lagrange(side.functions.corners)
         normal = across(linear.slopes(linear.places.mean(axis=0)[None])[:, None] @ corners)[:, 0]
         normal *= (side.sign[facet] / np.linalg.norm(normal, axis=1))[:, None]
         return cls(corners, normal, side, facet, reference)
@@ -83,15 +89,17 @@ def candidates(slave: Patches, master: Patches, reach: float, turning: Array) ->
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     # How much further away across the normal a partner may be whose ball is met along a direction aslant.
     aslant = 1.0 + turning**2 / np.sqrt(1.0 + turning**2)
-    tree, count, largest = cKDTree(master.centre), len(master.centre), float(master.radius.max())
+    tree, count, largest = master.tree, len(master.centre), float(master.radius.max())
     farthest = slave.radius + largest + reach
     balls = min(int(np.ceil(farthest.max() / largest)), _BALLS)
     height = farthest / balls  # of balls around the normal of each patch, over it and under it
     middle = height * np.arange(1 - balls, balls, 2)[:, None]
     across = aslant * (slave.radius + largest) + turning * (np.abs(middle) + height)
     middles = slave.centre + middle[..., None] * slave.normal
-    found = tree.query_ball_point(middles, (1.0 + SAME_LENGTH) * np.hypot(across, height)).ravel()
-    first = np.repeat(np.tile(np.arange(height.size), balls), [len(numbers) for numbers in found])
+    radii = (1.0 + SAME_LENGTH) * np.hypot(across, height)
+    number, patch = np.nonzero(np.maximum(tree.mins - middles, middles - tree.maxes).max(axis=2) <= radii)
+    found = tree.query_ball_point(middles[number, patch], radii[number, patch])
+    first = np.repeat(patch, [len(numbers) for numbers in found])
     second = np.fromiter(chain.from_iterable(found), dtype=np.int64)
     first, second = np.divmod(np.unique(first * count + second), count)
     normal, apart = slave.normal[first], master.centre[second] - slave.centre[first]

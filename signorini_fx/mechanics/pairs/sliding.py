@@ -145,7 +145,7 @@ def slide(
     """
     whole, directions = projected(slave, master, reach, apart=True)
     assert directions is not None
-    tested = whole.moving(bonded=False)
+    tested = whole.moving
     nodes, shares = carried_evenly(slave, tested.covered, tested.areas, tested.movable)
     at, dim = np.searchsorted(points, nodes), slave.dimension
     found = coupled(tested, points, placed_rows(shares, at, points.size))

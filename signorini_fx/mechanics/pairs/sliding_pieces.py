@@ -28,10 +28,10 @@ import scipy.sparse as sp
 from signorini_fx.mechanics.pairs.mortar_coupling import Tested
 from signorini_fx.mechanics.pairs.overlap import axes_across, clip, counterclockwise, place_under, projected_places
 from signorini_fx.mechanics.pairs.pair_side import (
-    Lagrange,
     PairSurface,
     along_vectors,
     in_blocks,
+    summed,
     turned_normals,
     turning_of,
 )
@@ -97,7 +97,7 @@ class SlidingPieces:
         spread = sp.csr_array((*entries, ends), shape=(ends.size - 1, themselves.size))
         seen, over = slave.nodes[overlap.slave], master.nodes[overlap.master]
         blocks = np.column_stack((seen, first + over, total + projection.numbers[overlap.slave]))
-        way, turns = projection.at(overlap.slave, overlap.at)
+        way, turns = projection.at(overlap.slave, tested.shapes[0])
         distance = np.einsum("pqd,pqd->pq", tested.distance, way)
         share = np.concatenate((-tested.shapes[0], tested.shapes[1], -distance[..., None] * turns), axis=2)
         slope, corners = master.functions.slopes(overlap.over), master.corners[overlap.master]
@@ -105,7 +105,7 @@ class SlidingPieces:
         inverse = np.linalg.inv(np.concatenate((along, way[:, :, None]), axis=2))
         facing, dual = inverse[..., -1], np.moveaxis(inverse[..., :-1], 3, 0)
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
-        curved = np.einsum("pqd,k,pkd->pq", facing, curvatures, corners, optimize=True)
+        curved = np.einsum("pqd,pd->pq", facing, curvatures @ corners)
         kinks = Kinks.of(tested, projection)
         points, bend = slave.points[overlap.slave], master.directions[over]
         directed = (facing, facing - way, dual, distance)
@@ -158,7 +158,7 @@ class SlidingPieces:
             parts.append((products.ravel(), rows.ravel(), columns.ravel()))
         entries, rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
         joint = sp.csr_array((entries, (rows, columns)), shape=(self.spread.shape[0],) * 2)
-        return sp.csr_array(self.spread.T @ joint @ self.spread)
+        return self.spread.T.tocsr() @ joint @ self.spread
 
     def _second(self, pieces: Indices, forces: Array, shears: Array) -> Array:
         """The products of some pieces, shape (k, d c, d c)."""
@@ -193,9 +193,8 @@ class SlidingPieces:
         """The matrix of displacements at the points with these means of moments, shape (p, i, d c), in such rows."""
         dim = self.facing.shape[2]
         components = (dim * self.blocks[..., None] + np.arange(dim)).reshape(len(entries), 1, entries.shape[2])
-        places = tuple(np.broadcast_to(at, entries.shape).ravel() for at in (rows[:, :, None], components))
-        moments = sp.csr_array((entries.ravel(), places), shape=(mean.shape[1], self.spread.shape[0]))
-        return sp.csr_array(mean @ moments @ self.spread)
+        moments = summed(entries, rows[:, :, None], components, (mean.shape[1], self.spread.shape[0]))
+        return mean @ moments @ self.spread
 
 
 @dataclass(frozen=True)
@@ -208,13 +207,11 @@ class Projection:
     Attributes:
         vectors: of length one, shape (v, d).
         numbers: which of them N of each facet is made of, shape (f, r).
-        functions: of each of them along a facet; None: there is one.
         turning: what turns them, from displacements of the slave, sparse, shape (d v, d N).
     """
 
     vectors: Array
     numbers: Indices
-    functions: Lagrange | None
     turning: sp.csr_array
 
     @classmethod
@@ -222,22 +219,22 @@ class Projection:
         """From those at the nodes of the slave, of length one, shape (N, d)."""
         if slave.dimension == 2:
             turns = np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals))
-            return cls(directions, slave.nodes, slave.functions, turned_normals(slave, turns))
+            return cls(directions, slave.nodes, turned_normals(slave, turns))
         facets, shape = len(slave.nodes), slave.functions.values(slave.functions.parts[0].mean(axis=0))
         sums = np.einsum("k,fkd->fd", shape, directions[slave.nodes])
         length = np.linalg.norm(sums, axis=1)
         ways = sums / length[:, None]
-        at = np.repeat(np.arange(facets), len(shape)), slave.nodes.ravel()
-        mean = sp.csr_array((np.tile(shape, facets), at), shape=(facets, len(slave.x)))
+        mean = summed(shape, np.arange(facets)[:, None], slave.nodes, (facets, len(slave.x)))
         across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
         turning = sp.csr_array(turning_of(_around(slave), (slave.x,), (directions,)))
-        return cls(ways, np.arange(facets)[:, None], None, along_vectors(across, in_blocks(mean, 3)) @ turning)
+        return cls(ways, np.arange(facets)[:, None], along_vectors(across, in_blocks(mean, 3)) @ turning)
 
-    def at(self, facets: Indices, places: Array) -> tuple[Array, Array]:
-        """N at points of facets, shape (m, q, d - 1), and the shares of the vectors in dN, which has no part along N:
-        shapes (m, q, d) and (m, q, r).
+    def at(self, facets: Indices, shape: Array) -> tuple[Array, Array]:
+        """N at points of facets from the functions of the slave there, shape (m, q, k), and the shares of the vectors
+        in dN, which has no part along N: shapes (m, q, d) and (m, q, r).
         """
-        shape = np.ones((*places.shape[:2], 1)) if self.functions is None else self.functions.values(places)
+        if self.numbers.shape[1] == 1:
+            shape = np.ones((*shape.shape[:2], 1))
         ways = shape @ self.vectors[self.numbers[facets]]
         length = np.linalg.norm(ways, axis=2, keepdims=True)
         return ways / length, shape / length
@@ -268,37 +265,35 @@ class Kinks:
         """Those between two facets of the master that one facet of the slave sees."""
         slave, master, overlap = tested.slave, tested.master, tested.overlap
         dim, count = slave.dimension, len(slave.x)
-        seen = np.unique(np.column_stack((overlap.slave, overlap.master)), axis=0)
-        around = _around_facet(master)[seen[:, 1]]
+        seen = np.divmod(np.unique(overlap.slave * len(master.nodes) + overlap.master), len(master.nodes))
+        around = master.nodes[seen[1]][:, master.functions.vertices]
         ends = np.stack([np.roll(around, -k, axis=1) for k in range(dim - 1)], axis=2)
-        facet, partner = (np.repeat(column, ends.shape[1]) for column in seen.T)
+        facet, partner = (np.repeat(numbers, ends.shape[1]) for numbers in seen)
         ends = np.sort(ends.reshape(-1, dim - 1), axis=1)
         order = np.lexsort((*ends.T, facet))
         keys = np.column_stack((facet, ends))[order]
         shared = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
         facet, ends, pairs = facet[order[shared]], ends[order[shared]], partner[order[[shared, shared + 1]]]
-        met = (_at_vertices if dim == 2 else _on_edges)(slave, projection, facet, master.x[ends])
-        rows, at, of_end, lengths, across = met
-        facet, ends, pairs = facet[rows], ends[rows], pairs[:, rows]
+        rows, at, of_end, lengths = (_at_vertices if dim == 2 else _on_edges)(slave, projection, facet, master.x[ends])
+        facet, ends, pairs, shape = facet[rows], ends[rows], pairs[:, rows], slave.functions.values(at)
+        (way,), (turns,) = (values.swapaxes(0, 1) for values in projection.at(facet, shape[:, None]))
+        across = _turned(way) if dim == 2 else np.cross(master.x[ends[:, 1]] - master.x[ends[:, 0]], way)
+        across /= np.linalg.norm(across, axis=1)[:, None]
         # Which of both facets is behind as seen along n: from the middles of both.
         middles = master.corners[pairs].mean(axis=2)
         swapped = np.einsum("md,md->m", middles[1] - middles[0], across) < 0
-        (way,), (turns,) = (values.swapaxes(0, 1) for values in projection.at(facet, at[:, None]))
-        steep = []
-        for numbers in pairs:
-            corner = (master.nodes[numbers][:, :, None] == ends[:, None]).argmax(axis=1)
-            on_facet = np.einsum("ve,ved->vd", of_end, master.functions.places[corner])
-            normal = master.normals(numbers, on_facet[:, None])[:, 0]
-            steep.append(-np.einsum("vd,vd->v", normal, across) / np.einsum("vd,vd->v", normal, way))
+        corner = (master.nodes[pairs][..., None] == ends[:, None]).argmax(axis=2)
+        on_facets = np.einsum("ve,sved->svd", of_end, master.functions.places[corner]).reshape(-1, 1, dim - 1)
+        normals = master.normals(pairs.ravel(), on_facets).reshape(*pairs.shape, dim)
+        steep = -np.einsum("svd,vd->sv", normals, across) / np.einsum("svd,vd->sv", normals, way)
         jump = np.where(swapped, steep[0] - steep[1], steep[1] - steep[0])
-        shape = slave.functions.values(at)
         apart = np.einsum("ve,ved->vd", of_end, master.x[ends]) - np.einsum("vk,vkd->vd", shape, slave.corners[facet])
         distance = np.einsum("vd,vd->v", apart, way)
         projected = np.einsum("vd,vd->v", slave.normals(facet, at[:, None])[:, 0], way)
         if dim == 2:  # N turns along a facet
             bent = np.einsum("vk,vkd->vd", slave.functions.slopes(at)[0], projection.vectors[slave.nodes[facet]])
-            length = np.linalg.norm(np.einsum("vk,vkd->vd", shape, projection.vectors[slave.nodes[facet]]), axis=1)
-            projected = projected + slave.sign[facet] * distance * np.einsum("vd,vd->v", bent, across) / length
+            turn = np.einsum("vd,vd->v", bent, across) * turns.sum(axis=1)
+            projected = projected + slave.sign[facet] * distance * turn
         true = slave.sizes(facet, at[:, None])[:, 0]
         functions = np.einsum("vij,vj->vi", tested.coefficients[facet], slave.tests.values(at))
         functions *= (jump * lengths * true / np.abs(projected))[:, None]
@@ -315,20 +310,19 @@ def _turned(vectors: Array) -> Array:
 
 def _at_vertices(
     slave: PairSurface, projection: Projection, facet: Indices, x: Array
-) -> tuple[Indices, Array, Array, Array, Array]:
-    """Which vertices facets of the slave see, their places there, shares of the vertex, lengths (one), and n."""
-    place = place_under(slave.functions, slave.corners[facet], projection.vectors[slave.nodes[facet]], x[:, 0])
+) -> tuple[Indices, Array, Array, Array]:
+    """Which vertices facets of the slave see, their places there, shares of the vertex, and lengths (one)."""
+    ways = slave.functions.polynomials(projection.vectors[slave.nodes[facet]])[:, :, None]
+    place = place_under(slave.functions, slave.corners[facet], ways, x)[:, 0]
     rows = np.flatnonzero((place > NOTHING_LEFT) & (place < 1.0 - NOTHING_LEFT))
-    at = place[rows, None]
-    ways = projection.at(facet[rows], at[:, None])[0][:, 0]
-    return rows, at, np.ones((rows.size, 1)), np.ones(rows.size), _turned(ways)
+    return rows, place[rows, None], np.ones((rows.size, 1)), np.ones(rows.size)
 
 
 def _on_edges(
     slave: PairSurface, projection: Projection, facet: Indices, x: Array
-) -> tuple[Indices, Array, Array, Array, Array]:
-    """Of points where facets of the slave see edges: edge, place on the facet, shares of its ends, length, and n."""
-    corners, ways = slave.x[_around_facet(slave)[facet]], projection.vectors[facet]
+) -> tuple[Indices, Array, Array, Array]:
+    """Of points where facets of the slave see edges: edge, place on the facet, shares of its ends, and length."""
+    corners, ways = slave.corners[facet][:, slave.functions.vertices], projection.vectors[facet]
     middle, axes = corners.mean(axis=1), axes_across(ways)
     flat, line = (np.einsum("mcd,mkd->mck", places - middle[:, None], axes) for places in (corners, x))
     start, along = line[:, 0], line[:, 1] - line[:, 0]
@@ -342,26 +336,15 @@ def _on_edges(
     width, start, along = (leaves - enters)[rows] / 2, start[rows], along[rows]
     at_edge = enters[rows] + width * np.tile(places + 1, cut)
     length = np.linalg.norm(along, axis=1)
-    across = np.einsum("mk,mkd->md", np.column_stack((along[:, 1], -along[:, 0])) / length[:, None], axes[rows])
     p, first = start + at_edge[:, None] * along, np.full((rows.size, 1, 2), 1.0 / 3.0)
     at = projected_places(slave, facet[rows], first, p[:, None], middle[rows], axes[rows])[:, 0]
-    return rows, at, np.column_stack((1 - at_edge, at_edge)), width * length * np.tile(weights, cut), across
-
-
-def _around_facet(side: PairSurface) -> Indices:
-    """The corners of each facet in order around it, shape (f, c)."""
-    places = side.functions.places
-    return np.asarray(
-        side.nodes[:, [np.abs(places - corner).sum(axis=1).argmin() for corner in side.functions.corners]]
-    )
+    return rows, at, np.column_stack((1 - at_edge, at_edge)), width * length * np.tile(weights, cut)
 
 
 def _around(side: PairSurface) -> sp.csr_array:
     """The area of the facets around a node that are around another one, too, sparse, shape (N, N)."""
-    count = side.nodes.shape[1]
-    areas = np.repeat(side.facet_areas, count * count)
-    rows, columns = np.repeat(side.nodes, count, axis=1), np.tile(side.nodes, (1, count))
-    return sp.csr_array((areas, (rows.ravel(), columns.ravel())), shape=(len(side.x), len(side.x)))
+    areas, shape = side.facet_areas[:, None, None], (len(side.x), len(side.x))
+    return summed(areas, side.nodes[:, :, None], side.nodes[:, None], shape)
 
 
 def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
@@ -371,7 +354,7 @@ def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
     assert side.undeformed is not None
     around = sp.csr_array(_around(side)[nodes])
     row = np.repeat(np.arange(len(nodes)), np.diff(around.indptr))
-    undeformed_arms, arms = (x[around.indices] - x[nodes[row]] for x in (side.undeformed, side.x))
+    undeformed_arms, arms = (x[around.indices] - x[nodes[row]] for x in (side.undeformed.x, side.x))
     products = np.zeros((len(nodes), 3, 3))
     np.add.at(products, row, around.data[:, None, None] * arms[:, :, None] * undeformed_arms[:, None])
     left_vectors, _, right_vectors = np.linalg.svd(products)
