@@ -102,7 +102,8 @@ def averaged_points(
     tested = Tested(surface, surface, itself)
     area = tested.areas
     mine = np.flatnonzero((area > 0) & side.owned(space))
-    shares = sp.csr_array(sp.diags_array(1.0 / area[mine]) @ tested.products[mine, : len(surface.x)])
+    own = sp.eye_array(len(surface.x), format="csr")[mine]
+    shares = (tested.mean(own) @ tested.products()[0])[:, : len(surface.x)]
     reached = np.unique(shares.indices)
     held = from_owners(fixed.reshape(-1, dim).astype(np.float64), side.nodes[reached], comm) > 0
     averages = Averages(shares[:, reached], side.nodes[reached], surface.x[reached], held)

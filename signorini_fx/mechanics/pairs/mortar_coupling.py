@@ -37,8 +37,8 @@ from signorini_fx.mechanics.pairs.overlap import plane_overlap, space_overlap, t
 from signorini_fx.mechanics.pairs.pair_side import (
     Overlap,
     PairSurface,
+    in_rows,
     scaled_rows,
-    summed,
     turning_of,
     without_round_off,
 )
@@ -63,7 +63,8 @@ class Coupling:
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         distance: d_i, length, shape (n, d).
         both: D and - M, nodes of the slave first, sparse, shape (n, m).
-        mean: from moments of the functions of the nodes of the slave to means, sparse, shape (n, nodes of the slave).
+        mean: see ``Tested``.
+        first: how many of the nodes are those of the slave.
         turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact omega_i(u_m) x d_i,
             from the nodes of both sides, those of the slave first, by blocks, sparse, shape (n d, d m).
         centre: where forces act: at the same place on both sides, length, shape (n, d).
@@ -78,6 +79,7 @@ class Coupling:
     distance: Array
     both: sp.csr_array
     mean: sp.csr_array
+    first: int
     turning: sp.bsr_array
     centre: Array
     covered: float
@@ -86,12 +88,12 @@ class Coupling:
     @property
     def slave(self) -> sp.csr_array:
         """D, shape (n, nodes of the slave)."""
-        return sp.csr_array(self.both[:, : self.mean.shape[1]])
+        return self.both[:, : self.first]
 
     @property
     def master(self) -> sp.csr_array:
         """M, shape (n, nodes of the master)."""
-        return sp.csr_array(-self.both[:, self.mean.shape[1] :])
+        return -self.both[:, self.first :]
 
     def lift(self, slave: PairSurface) -> sp.csr_array:
         """Displacements of slave nodes, all along one direction, that move the points by one each: D times them is
@@ -185,10 +187,23 @@ class Tested:
         on_slave, on_master = self.slave.corners[self.overlap.slave], self.master.corners[self.overlap.master]
         return np.asarray(self.shapes[1] @ on_master - self.shapes[0] @ on_slave)
 
-    @cached_property
-    def products(self) -> sp.csr_array:
-        """Integrals of the functions of the nodes of the slave times those of both sides, sparse, shape (N, m)."""
-        return self._sums(self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2))
+    def mean(self, shares: sp.csr_array) -> sp.csr_array:
+        """From integrals of the functions on all pieces to means of points with such shares of them, shape (n, N):
+        sparse, shape (n, p t).
+        """
+        weight = shares @ self.areas
+        factors = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
+        return scaled_rows(factors, shares)[:, self.slave.points[self.overlap.slave].ravel()]
+
+    def products(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """Integrals of the functions on all pieces times those of both sides, and the areas over which they see the
+        nodes, sparse, shape (p t, m).
+        """
+        products, first = self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2), len(self.slave.x)
+        areas = np.broadcast_to(self.overlap.weight.sum(axis=1)[:, None, None], products.shape)
+        on_slave, on_master = self.slave.nodes[self.overlap.slave], self.master.nodes[self.overlap.master]
+        nodes, count = np.hstack((on_slave, first + on_master)), first + len(self.master.x)
+        return in_rows(products, nodes, count), in_rows(areas, nodes, count)
 
     @property
     def movable(self) -> Array:
@@ -197,25 +212,11 @@ class Tested:
         A held node of the slave carries a point as any other, as its function moves the master.  Where most of the
         master that it sees is held, too, nothing can move it, and its neighbours take over its function.
         """
-        on_slave, on_master = np.zeros(len(self.slave.x)), np.ones(len(self.master.x))
-        of_held, weight = (
-            np.asarray(self.products @ np.append(on_slave, flags)) for flags in (self.master.held, on_master)
-        )
+        held = self.master.held[self.master.nodes[self.overlap.master]].astype(np.float64)
+        of_held = self.moments(self.shapes[1] @ held[..., None])[:, 0]
         # On a part of a facet a quadratic function may have a negative weight, which says nothing.
-        seen = np.divide(of_held, weight, out=np.zeros_like(weight), where=weight > 0.0)
+        seen = np.divide(of_held, self.areas, out=np.zeros_like(of_held), where=self.areas > 0.0)
         return np.where(self.slave.held, 1.0 - np.clip(seen, 0.0, 1.0), 1.0)
-
-    @property
-    def arms(self) -> sp.csr_array:
-        """The areas over which the functions see the nodes of both sides, likewise."""
-        return self._sums(self.overlap.weight.sum(axis=1)[:, None, None])
-
-    def _sums(self, values: Array) -> sp.csr_array:
-        """Values of each piece for the functions there and the nodes of both sides, added up."""
-        slave, master, overlap = self.slave, self.master, self.overlap
-        nodes = np.hstack((slave.nodes[overlap.slave], len(slave.x) + master.nodes[overlap.master]))
-        shape = len(slave.x), len(slave.x) + len(master.x)
-        return summed(values, slave.points[overlap.slave][:, :, None], nodes[:, None], shape)
 
     @property
     def covered(self) -> Indices:
@@ -282,16 +283,16 @@ def couple(
 def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bool = False) -> Coupling:
     """The map of both sides at nodes that take over such shares of functions; zero at those that take none."""
     slave, master = tested.slave, tested.master
-    weight = shares @ tested.areas
-    mean = scaled_rows(np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0), shares)
-    distance = mean @ tested.moments(tested.distance)
-    both, half = without_round_off(mean @ tested.products), 0.0 if nominal else 0.5
+    mean, half, products = tested.mean(shares), 0.0 if nominal else 0.5, tested.products()
+    distance = mean @ (tested.weighted.swapaxes(1, 2) @ tested.distance).reshape(mean.shape[1], slave.dimension)
+    both, arms = without_round_off(mean @ products[0]), mean @ products[1]
     centre = both @ np.concatenate((slave.x, np.zeros_like(master.x))) + half * distance
-    turning = turning_of(mean @ tested.arms, (slave.x, master.x), (half * distance, (1.0 - half) * distance))
-    both.data[both.indices >= len(slave.x)] *= -1.0
-    directions, covered = np.concatenate((slave.directions, master.directions)), float(tested.area.sum())
+    turning = turning_of(arms, (slave.x, master.x), (half * distance, (1.0 - half) * distance))
+    weight, first, covered = shares @ tested.areas, len(slave.x), float(tested.area.sum())
+    both.data[both.indices >= first] *= -1.0
+    directions = np.concatenate((slave.directions, master.directions))
     normal = slave.nodal_normals[nodes] if nominal else slave.in_planes(both @ directions, nodes)
-    return Coupling(nodes, weight, normal, distance, both, mean, turning, centre, covered, covered)
+    return Coupling(nodes, weight, normal, distance, both, mean, first, turning, centre, covered, covered)
 
 
 def _refuse_bare(tested: Tested, shares: sp.csr_array) -> None:

@@ -65,7 +65,7 @@ def space_overlap(
     p = triangles[:, :1] + points[:, :1] * first[:, None] + points[:, 1:] * second[:, None]
     area = np.abs(_cross(first, second))[:, None] * weights
     slave_numbers, master_numbers = slave_numbers[pair], master_numbers[pair]
-    linear = [Lagrange(entry.corners) for entry in functions]
+    linear = [entry.linear for entry in functions]
     at, projected = _back(linear[0], flat[pair], slave_parts.reference[slave_numbers], p)
     over, _ = _back(linear[1], flat_master[pair], master_parts.reference[master_numbers], p)
     true = slave.sizes(slave_parts.facet[slave_numbers], at)

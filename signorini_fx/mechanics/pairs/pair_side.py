@@ -104,6 +104,11 @@ class Lagrange:
         return Lagrange(self.places[:3]) if self.places.shape == (6, 2) else self
 
     @cached_property
+    def linear(self) -> Lagrange:
+        """Those of the corners."""
+        return Lagrange(self.corners)
+
+    @cached_property
     def vertices(self) -> list[int]:
         """Numbers of the nodes at the corners, in order around the facet."""
         return [int(np.abs(self.places - corner).sum(axis=1).argmin()) for corner in self.corners]
@@ -312,6 +317,15 @@ def summed(values: Array, rows: Indices, columns: Indices, shape: tuple[int, int
     """Values at places, broadcast to one shape, added up: sparse."""
     entries, *places = (numbers.ravel() for numbers in np.broadcast_arrays(values, rows, columns))
     return sp.csr_array((entries, places), shape=shape)
+
+
+def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
+    """A matrix with i rows for each of p pieces, of which the columns are, of shape (p, c), from values of shape
+    (p, i, c).
+    """
+    (count, rows, entries), indices = values.shape, np.repeat(columns, values.shape[1], axis=0)
+    ends = np.arange(0, values.size + 1, entries)
+    return sp.csr_array((values.ravel(), indices.ravel(), ends), shape=(count * rows, width))
 
 
 def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface, across
+from signorini_fx.mechanics.pairs.pair_side import PairSurface, across
 from signorini_fx.tuned import DEEPEST_OVERLAP, FACING_SIDES, SAME_LENGTH
 
 Array = npt.NDArray[np.float64]
@@ -64,7 +64,7 @@ class Parts(Patches):
         parts = side.functions.parts
         facet, reference = np.repeat(facets, len(parts)), np.tile(parts, (len(facets), 1, 1))
         corners = (side.functions.values(parts) @ side.corners[facets, None]).reshape(facet.size, -1, side.dimension)
-        linear = Lagrange(side.functions.corners)
+        linear = side.functions.linear
         normal = across(linear.slopes(linear.places.mean(axis=0)[None])[:, None] @ corners)[:, 0]
         normal *= (side.sign[facet] / np.linalg.norm(normal, axis=1))[:, None]
         return cls(corners, normal, side, facet, reference)

@@ -31,6 +31,7 @@ from signorini_fx.mechanics.pairs.pair_side import (
     PairSurface,
     along_vectors,
     in_blocks,
+    in_rows,
     summed,
     turned_normals,
     turning_of,
@@ -51,8 +52,7 @@ class SlidingPieces:
     """The pieces of an overlap, p of them with q points each, c vectors each.
 
     Attributes:
-        mean: from moments of the functions of the nodes of the slave to means at the n points, sparse, shape (n, N).
-        points: nodes of the slave whose functions a piece meets, shape (p, t).
+        mean: from integrals of functions on the pieces to means at the n points, sparse, shape (n, p t).
         weighted: these functions times areas, shape (p, q, t).
         blocks: which vectors of ``spread`` a piece depends on: those at the nodes of both facets, and what turns N,
             shape (p, c).
@@ -70,7 +70,6 @@ class SlidingPieces:
     """
 
     mean: sp.csr_array
-    points: Indices
     weighted: Array = field(repr=False)
     blocks: Indices
     spread: sp.csr_array
@@ -107,42 +106,40 @@ class SlidingPieces:
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
         curved = np.einsum("pqd,pd->pq", facing, curvatures @ corners)
         kinks = Kinks.of(tested, projection)
-        points, bend = slave.points[overlap.slave], master.directions[over]
-        directed = (facing, facing - way, dual, distance)
-        return cls(mean, points, tested.weighted, blocks, spread, share, turns, slope, *directed, curved, bend, kinks)
+        directed = (facing, facing - way, dual, distance, curved, master.directions[over])
+        return cls(mean, tested.weighted, blocks, spread, share, turns, slope, *directed, kinks)
 
     @property
     def gap(self) -> Array:
         """At the points, length, shape (n,)."""
-        moments = np.einsum("pqt,pq->pt", self.weighted, self.distance)
-        return np.asarray(self.mean @ np.bincount(self.points.ravel(), moments.ravel(), self.mean.shape[1]))
+        return np.asarray(self.mean @ np.einsum("pqt,pq->pt", self.weighted, self.distance).ravel())
 
     @property
     def rows(self) -> sp.csr_array:
         """Of the derivative of the gap, sparse, shape (n, d m)."""
         entries = np.matmul(self.weighted.swapaxes(1, 2), self._rows(self.share, self.facing, self.across))
-        return self._at_points(self.mean, entries, self.points)
+        return self._at_points(self.mean, entries)
 
     def passing(self, along: Array) -> sp.csr_array:
         """What the places that shift change of the normal of the master along vectors at the points, shape (n, d, k),
         sparse, shape (n k, d m).
         """
-        (count, tests), total, dim = self.points.shape, np.zeros(1), self.facing.shape[2]
-        components = (dim * self.points[..., None] + np.arange(dim)).reshape(count, dim * tests)
+        total, dim = np.zeros(1), self.facing.shape[2]
         for k, slope in enumerate(self.slope):
             bent = self.weighted[..., None] * (slope @ self.bend)[:, :, None]
-            bent = bent.reshape(count, bent.shape[1], dim * tests).swapaxes(1, 2)
+            bent = bent.reshape(*bent.shape[:2], dim * bent.shape[2]).swapaxes(1, 2)
             total = total - np.matmul(bent, self._rows(self.share, self.dual[k], self.dual[k]))
-        return self._at_points(along_vectors(along, in_blocks(self.mean, dim)), total, components)
+        return self._at_points(along_vectors(along, in_blocks(self.mean, dim)), total)
 
     def stiffness(self, pressing: Array, shears: Array) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), and what shears there, shape
         (n, d), change of the forces on the master as places shift; sparse, shape (d m, d m).
         """
-        nodal, sheared = self.mean.T @ pressing, self.mean.T @ shears
-        forces = np.einsum("pqt,pt->pq", self.weighted, nodal[self.points])
-        shearing = self.weighted @ sheared[self.points]
-        touched, dim = np.flatnonzero(forces.any(axis=1) | shearing.any(axis=(1, 2))), self.facing.shape[2]
+        (count, _, tests), dim = self.weighted.shape, self.facing.shape[2]
+        nodal = (self.mean.T @ np.column_stack((pressing, shears))).reshape(count, tests, 1 + dim)
+        acting = self.weighted @ nodal
+        forces, shearing = acting[..., 0], acting[..., 1:]
+        touched = np.flatnonzero(acting.any(axis=(1, 2)))
         size = dim * self.blocks.shape[1]
         values = np.zeros((touched.size, size, size))
         for first in range(0, touched.size, _AT_ONCE):
@@ -150,7 +147,7 @@ class SlidingPieces:
             values[first : first + chosen.size] = self._second(chosen, forces[chosen], shearing[chosen])
         kinks = self.kinks
         passing = (kinks.share[..., None] * kinks.across[:, None]).reshape(len(kinks.share), dim * kinks.share.shape[1])
-        jumps = -np.einsum("vt,vt->v", kinks.functions, nodal[kinks.points])
+        jumps = -np.einsum("vt,vt->v", kinks.functions, nodal[kinks.pieces, :, 0])
         jumping, parts = np.einsum("v,vi,vj->vij", jumps, passing, passing), list[tuple[Array, Indices, Indices]]()
         for products, blocks in ((values, self.blocks[touched]), (jumping, kinks.blocks)):
             at = (dim * blocks[..., None] + np.arange(dim)).reshape(len(blocks), products.shape[1])
@@ -189,12 +186,11 @@ class SlidingPieces:
         parts = factor[..., :count, None] * vectors[:, :, None], factor[..., count:, None] * across[:, :, None]
         return np.concatenate(parts, axis=2).reshape(*factor.shape[:2], factor.shape[2] * vectors.shape[2])
 
-    def _at_points(self, mean: sp.csr_array, entries: Array, rows: Indices) -> sp.csr_array:
-        """The matrix of displacements at the points with these means of moments, shape (p, i, d c), in such rows."""
+    def _at_points(self, mean: sp.csr_array, entries: Array) -> sp.csr_array:
+        """The matrix of displacements at the points with these means of integrals, shape (p, i, d c)."""
         dim = self.facing.shape[2]
-        components = (dim * self.blocks[..., None] + np.arange(dim)).reshape(len(entries), 1, entries.shape[2])
-        moments = summed(entries, rows[:, :, None], components, (mean.shape[1], self.spread.shape[0]))
-        return mean @ moments @ self.spread
+        components = (dim * self.blocks[..., None] + np.arange(dim)).reshape(len(entries), entries.shape[2])
+        return mean @ in_rows(entries, components, self.spread.shape[0]) @ self.spread
 
 
 @dataclass(frozen=True)
@@ -247,14 +243,14 @@ class Kinks:
     There the derivative of the distance jumps as they pass by.
 
     Attributes:
-        points: nodes of the slave whose functions are there, shape (v, t).
+        pieces: numbers of pieces with the same functions, shape (v,).
         functions: these there, times lengths and the jump, shape (v, t).
         blocks: the vectors that they pass by with, numbered as those of ``SlidingPieces``, shape (v, c).
         share: of these, shape (v, c).
         across: the direction in which they pass by, of length one, shape (v, d).
     """
 
-    points: Indices
+    pieces: Indices
     functions: Array
     blocks: Indices
     share: Array
@@ -265,15 +261,17 @@ class Kinks:
         """Those between two facets of the master that one facet of the slave sees."""
         slave, master, overlap = tested.slave, tested.master, tested.overlap
         dim, count = slave.dimension, len(slave.x)
-        seen = np.divmod(np.unique(overlap.slave * len(master.nodes) + overlap.master), len(master.nodes))
-        around = master.nodes[seen[1]][:, master.functions.vertices]
+        _, pieces = np.unique(overlap.slave * len(master.nodes) + overlap.master, return_index=True)
+        around = master.nodes[overlap.master[pieces]][:, master.functions.vertices]
         ends = np.stack([np.roll(around, -k, axis=1) for k in range(dim - 1)], axis=2)
-        facet, partner = (np.repeat(numbers, ends.shape[1]) for numbers in seen)
+        pieces = np.repeat(pieces, ends.shape[1])
+        facet, partner = overlap.slave[pieces], overlap.master[pieces]
         ends = np.sort(ends.reshape(-1, dim - 1), axis=1)
         order = np.lexsort((*ends.T, facet))
         keys = np.column_stack((facet, ends))[order]
         shared = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
-        facet, ends, pairs = facet[order[shared]], ends[order[shared]], partner[order[[shared, shared + 1]]]
+        pieces, ends, pairs = pieces[order[shared]], ends[order[shared]], partner[order[[shared, shared + 1]]]
+        facet = overlap.slave[pieces]
         rows, at, of_end, lengths = (_at_vertices if dim == 2 else _on_edges)(slave, projection, facet, master.x[ends])
         facet, ends, pairs, shape = facet[rows], ends[rows], pairs[:, rows], slave.functions.values(at)
         (way,), (turns,) = (values.swapaxes(0, 1) for values in projection.at(facet, shape[:, None]))
@@ -300,7 +298,7 @@ class Kinks:
         turned = count + len(master.x) + projection.numbers[facet]
         blocks = np.column_stack((slave.nodes[facet], count + ends, turned))
         share = np.column_stack((-shape, of_end, -distance[:, None] * turns))
-        return cls(slave.points[facet], functions, blocks, share, across)
+        return cls(pieces[rows], functions, blocks, share, across)
 
 
 def _turned(vectors: Array) -> Array:
