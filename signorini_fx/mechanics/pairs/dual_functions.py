@@ -116,8 +116,9 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     weak = np.flatnonzero(portion < 1.0)
     if not weak.size:
         return shares
-    to = shares[:, nodes[weak]].T.toarray()  # which points the function of each of them is in
-    at = np.arange(weak.size), weak
+    at, own = (np.arange(weak.size), weak), np.zeros((shares.shape[1], weak.size))
+    own[nodes[weak], at[0]] = 1.0
+    to = (shares @ own).T  # which points the function of each of them is in
     remainder = np.maximum(1.0 - to[at], 0.0)
     to[at] = 0.0
     mean = to * np.divide(1.0, remainder, out=np.zeros_like(remainder), where=remainder > SAME_NUMBER)[:, None]
@@ -128,7 +129,7 @@ def _mixed(shares: sp.csr_array, nodes: Indices, weights: tuple[Array, Array], p
     kept, (row, column) = np.arange(nodes.size), np.nonzero(added)
     places = np.concatenate((kept, weak[row])), np.concatenate((kept, column))
     entries = np.concatenate((1.0 - added.sum(axis=0), added[row, column]))
-    return sp.csr_array(sp.csr_array((entries, places), shape=(nodes.size, nodes.size)) @ shares)
+    return sp.csr_array((entries, places), shape=(nodes.size, nodes.size)) @ shares
 
 
 def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
@@ -165,6 +166,6 @@ def _taken_over(pairs: Pairs, able: Flags) -> tuple[Indices, sp.csr_array]:
     while (into := done[to] & ~done[of]).any():
         number = np.bincount(of[into], minlength=able.size)
         entries = 1.0 / number[of[into]], (to[into], of[into])
-        shares = sp.csr_array(shares + shares @ sp.csr_array(entries, shape=(able.size, able.size)))
+        shares = shares + shares @ sp.csr_array(entries, shape=(able.size, able.size))
         done = done | (number > 0)
     return nodes, shares

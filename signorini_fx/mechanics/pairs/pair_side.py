@@ -266,6 +266,25 @@ class PairSurface:
         return np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0)
 
     @cached_property
+    def turning(self) -> Array:
+        """How displacements of the nodes of each facet turn ``nodal_normals`` there, shape (f, t, k, d, d)."""
+        functions, dim = self.functions, self.dimension
+        at, weights = functions.rule(2 * functions.degree + 2)
+        tests, slopes = self.tests.values(at) * weights[:, None], functions.slopes(at)
+        if dim == 2:
+            turning = (tests.T @ slopes[0])[None, :, :, None, None] * np.array([[0.0, 1.0], [-1.0, 0.0]])
+        else:
+            along = slopes[:, None] @ self.corners
+            first, second = (slopes[k][None, :, :, None] * along[1 - k][:, :, None] for k in range(2))
+            vectors = np.einsum("qt,fqld->ftld", tests, second - first, optimize=True)
+            turning = _crossing(vectors.reshape(-1, 3)).reshape(*vectors.shape, 3)
+        within, normals = np.eye(dim) - self.across, self.nodal_normals
+        size = np.linalg.norm((within @ self.moments[..., None])[..., 0], axis=1)
+        inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+        across = inverse[:, None, None] * (within - normals[:, :, None] * normals[:, None])
+        return np.asarray(across[self.points][:, :, None] @ (turning * self.sign[:, None, None, None, None]))
+
+    @cached_property
     def directions(self) -> Array:
         """``nodal_normals``, and between the vertices of quadratic triangles the means of those at both, of length one;
         zero at nodes of no facet, shape (N, d).
@@ -313,10 +332,11 @@ def scaled_rows(factors: Array, matrix: Any) -> sp.csr_array:
     return scaled
 
 
-def summed(values: Array, rows: Indices, columns: Indices, shape: tuple[int, int]) -> sp.csr_array:
-    """Values at places, broadcast to one shape, added up: sparse."""
-    entries, *places = (numbers.ravel() for numbers in np.broadcast_arrays(values, rows, columns))
-    return sp.csr_array((entries, places), shape=shape)
+def summed(shape: tuple[int, int], *parts: tuple[Array, Indices, Indices]) -> sp.csr_array:
+    """Values with their rows and columns, of each part broadcast to one shape, added up: sparse."""
+    flat = ([entry.ravel() for entry in np.broadcast_arrays(*part)] for part in parts)
+    values, *places = (np.concatenate(entries) for entries in zip(*flat, strict=True))
+    return sp.csr_array((values, places), shape=shape)
 
 
 def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
@@ -385,30 +405,19 @@ def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[
     return sp.bsr_array((blocks, arms.indices, arms.indptr), shape=shape)
 
 
-def turned_normals(side: PairSurface, turned_too: Array | None = None) -> sp.csr_array:
-    """How displacements of the nodes of a side turn ``nodal_normals``, sparse, shape (d N, d N); ``turned_too``: what
-    makes these turns into those of other vectors, shape (N, d, d).
+def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.csr_array:
+    """How displacements of the nodes of sides turn ``nodal_normals``, sparse, shape (d m, d m); ``turned_too``: what
+    makes these turns into those of other vectors, shape (m, d, d).
     """
-    functions, (count, dim) = side.functions, side.x.shape
-    at, weights = functions.rule(2 * functions.degree + 2)
-    tests, slopes = side.tests.values(at) * weights[:, None], functions.slopes(at)
-    if dim == 2:
-        turning = (tests.T @ slopes[0])[None, :, :, None, None] * np.array([[0.0, 1.0], [-1.0, 0.0]])
-    else:
-        along = slopes[:, None] @ side.corners
-        arms = slopes[1][None, :, :, None] * along[0][:, :, None] - slopes[0][None, :, :, None] * along[1][:, :, None]
-        vectors = np.einsum("qt,fqld->ftld", tests, arms, optimize=True)
-        turning = _crossing(vectors.reshape(-1, 3)).reshape(*vectors.shape, 3)
-    within, normals = np.eye(dim) - side.across, side.nodal_normals
-    size = np.linalg.norm(np.einsum("nij,nj->ni", within, side.moments), axis=1)
-    inverse = np.divide(1.0, size, out=np.zeros(count), where=size > 0)
-    across = inverse[:, None, None] * (within - np.einsum("ni,nj->nij", normals, normals))
-    if turned_too is not None:
-        across = turned_too @ across
-    values = across[side.points][:, :, None] @ (turning * side.sign[:, None, None, None, None])
-    rows = dim * side.points[:, :, None, None, None] + np.arange(dim)[:, None]
-    columns = dim * side.nodes[:, None, :, None, None] + np.arange(dim)
-    return summed(values, rows, columns, (dim * count, dim * count))
+    parts, first, dim = list[tuple[Array, Indices, Indices]](), 0, sides[0].dimension
+    for side in sides:
+        values, points, nodes = side.turning, first + side.points, first + side.nodes
+        if turned_too is not None:
+            values = turned_too[points][:, :, None] @ values
+        rows = dim * points[:, :, None, None, None] + np.arange(dim)[:, None]
+        parts.append((values, rows, dim * nodes[:, None, :, None, None] + np.arange(dim)))
+        first += len(side.x)
+    return summed((dim * first, dim * first), *parts)
 
 
 def across(along: Array) -> Array:

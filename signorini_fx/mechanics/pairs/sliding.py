@@ -34,7 +34,6 @@ from signorini_fx.mechanics.pairs.pair_side import (
     along_vectors,
     in_blocks,
     placed_rows,
-    scaled_rows,
     turned_normals,
 )
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
@@ -117,20 +116,15 @@ class SlidingCoupling:
         pressed = self.pieces.stiffness(self.weight * pressure, 0.0 * shears if symmetric else shears)
         if not shear.any():
             return pressed
-        along = self.normal_rows
-        if shear.shape[1] > 1:
-            along = sp.kron(sp.eye_array(self.weight.size), np.ones((2, 1))) @ along
-        turns = self._turning().T @ scaled_rows((self.weight[:, None] * shear).ravel(), along)
-        return sp.csr_array(pressed - turns - turns.T)
+        turns = self._turning(shears).T @ self.normal_rows
+        return pressed - (turns + turns.T)
 
-    def _turning(self) -> sp.csr_array:
-        """What displacements of both sides turn n_i along T_i, sparse, shape (n (d - 1), d m)."""
-        slave, master, frames = self.slave, self.master, self.frames
-        sums = frames.both @ np.concatenate((slave.directions, master.directions))
-        along = frames.tangents / np.linalg.norm(sums, axis=1)[:, None, None]
-        turns = along_vectors(along, in_blocks(frames.both, slave.dimension))
-        turned = sp.block_diag([turned_normals(side) for side in (slave, master)], format="csr")
-        return sp.csr_array(turns @ turned - self.pieces.passing(along))
+    def _turning(self, along: Array) -> sp.csr_array:
+        """What displacements of both sides turn n_i along vectors, shape (n, d): sparse, shape (n, d m)."""
+        sums = self.frames.both @ np.concatenate((self.slave.directions, self.master.directions))
+        along = along[:, :, None] / np.linalg.norm(sums, axis=1)[:, None, None]
+        turns = along_vectors(along, in_blocks(self.frames.both, along.shape[1]))
+        return turns @ turned_normals(self.slave, self.master) - self.pieces.passing(along)
 
 
 def slide(
@@ -151,18 +145,20 @@ def slide(
     found = coupled(tested, points, placed_rows(shares, at, points.size))
     partnered = np.zeros(points.size, dtype=bool)
     partnered[at] = True
-    others = points[~partnered]
-    ends = np.cumsum(np.append(0, ~partnered))
-    itself = sp.csr_array((np.ones(others.size), others, ends), shape=(points.size, len(slave.x) + len(master.x)))
+    # A point alone is where its node is.
+    alone, ends, count = np.flatnonzero(~partnered), np.cumsum(np.append(0, ~partnered)), len(slave.x) + len(master.x)
+    itself = sp.csr_array((np.ones(alone.size), points[alone], ends), shape=(points.size, count))
     met = partnered[:, None]
     weights = np.where(partnered, found.weight, slave.area[points])
-    normals = np.where(met, found.normal, slave.in_planes(slave.directions[points], points))
+    normals = np.where(met, found.normal, slave.nodal_normals[points])
     centre, tangents = np.where(met, found.centre, slave.x[points]), tangents_of_points(slave, points, normals)
-    both = sp.csr_array(found.both + itself)
+    both = found.both + itself
     # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
     tangent_rows = along_vectors(tangents, in_blocks(both, dim) + found.turning)
     pieces = SlidingPieces.of(tested, directions, found.mean)
-    normal_rows = sp.csr_array(along_vectors(normals[:, :, None], in_blocks(itself, dim)) - pieces.rows)
+    components = dim * points[alone, None] + np.arange(dim)
+    rows = normals[alone].ravel(), components.ravel(), dim * ends
+    normal_rows = sp.csr_array(rows, shape=(points.size, dim * count)) - pieces.rows
     gap = np.where(partnered, pieces.gap, reach)
     frames, rows = Frames(both, tangents, partnered), (normal_rows, tangent_rows)
     return SlidingCoupling(slave, master, points, weights, normals, gap, frames, *rows, centre, found.covered, pieces)

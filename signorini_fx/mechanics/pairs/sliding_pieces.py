@@ -151,10 +151,8 @@ class SlidingPieces:
         jumping, parts = np.einsum("v,vi,vj->vij", jumps, passing, passing), list[tuple[Array, Indices, Indices]]()
         for products, blocks in ((values, self.blocks[touched]), (jumping, kinks.blocks)):
             at = (dim * blocks[..., None] + np.arange(dim)).reshape(len(blocks), products.shape[1])
-            rows, columns = (np.broadcast_to(places, products.shape) for places in (at[:, :, None], at[:, None]))
-            parts.append((products.ravel(), rows.ravel(), columns.ravel()))
-        entries, rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
-        joint = sp.csr_array((entries, (rows, columns)), shape=(self.spread.shape[0],) * 2)
+            parts.append((products, at[:, :, None], at[:, None]))
+        joint = summed((self.spread.shape[0],) * 2, *parts)
         return self.spread.T.tocsr() @ joint @ self.spread
 
     def _second(self, pieces: Indices, forces: Array, shears: Array) -> Array:
@@ -215,12 +213,12 @@ class Projection:
         """From those at the nodes of the slave, of length one, shape (N, d)."""
         if slave.dimension == 2:
             turns = np.einsum("ni,nj->nij", _turned(directions), _turned(slave.nodal_normals))
-            return cls(directions, slave.nodes, turned_normals(slave, turns))
+            return cls(directions, slave.nodes, turned_normals(slave, turned_too=turns))
         facets, shape = len(slave.nodes), slave.functions.values(slave.functions.parts[0].mean(axis=0))
         sums = np.einsum("k,fkd->fd", shape, directions[slave.nodes])
         length = np.linalg.norm(sums, axis=1)
         ways = sums / length[:, None]
-        mean = summed(shape, np.arange(facets)[:, None], slave.nodes, (facets, len(slave.x)))
+        mean = summed((facets, len(slave.x)), (shape, np.arange(facets)[:, None], slave.nodes))
         across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
         turning = sp.csr_array(turning_of(_around(slave), (slave.x,), (directions,)))
         return cls(ways, np.arange(facets)[:, None], along_vectors(across, in_blocks(mean, 3)) @ turning)
@@ -342,7 +340,7 @@ def _on_edges(
 def _around(side: PairSurface) -> sp.csr_array:
     """The area of the facets around a node that are around another one, too, sparse, shape (N, N)."""
     areas, shape = side.facet_areas[:, None, None], (len(side.x), len(side.x))
-    return summed(areas, side.nodes[:, :, None], side.nodes[:, None], shape)
+    return summed(shape, (areas, side.nodes[:, :, None], side.nodes[:, None]))
 
 
 def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
