@@ -65,22 +65,13 @@ class ContactTangent:
         self._weight = contact.points.weight[:, None, None]
         self.inserted: dict[int, Nodal] = {}
         self.factorised: dict[int, Nodal] = {}
-        free = contact.operator.createVecRight()
-        free.getArray()[:] = ~contact.fixed
-        self._operator = contact.operator.copy()
-        self._operator.diagonalScale(R=free)
-        self._law = contact.law
-        self._blocks = contact.law(np.ones(contact.points.movable.shape))
-        # By two products: where rigid bodies move, B has dense columns, with which ``ptap`` takes quadratic time.
-        self._half = self._blocks.matMult(self._operator)
-        self._product = self._operator.transposeMatMult(self._half)
-        self._matrix = matrix
+        self._law, self._products, self._matrix = contact.law, contact.products, matrix
 
     def create(self) -> PETSc.Mat:
         """A matrix to insert blocks into, so far A; collective."""
         if not is_by_blocks(self._matrix):
             return self._matrix.duplicate(copy=True)
-        added = self._product.copy()
+        added = self._products[-1].copy()
         added.zeroEntries()
         return with_added(self._matrix, added)
 
@@ -93,13 +84,14 @@ class ContactTangent:
         changed, since = [int(count) for count in parallel.global_sum(self._comm, np.array(differ, dtype=np.int64))]
         if changed > 0:
             self.inserted[matrix.handle] = blocks
-            self._law(self._weight * blocks, self._blocks).matMult(self._operator, result=self._half)
-            self._operator.transposeMatMult(self._half, result=self._product)
+            operator, law, half, product = self._products
+            self._law(self._weight * blocks, law).matMult(operator, result=half)
+            operator.transposeMatMult(half, result=product)
             if is_by_blocks(matrix):
-                change_added(matrix, self._product)
+                change_added(matrix, product)
             else:
                 self._matrix.copy(matrix, SAME_PATTERN)
-                matrix.axpy(1.0, self._product, structure=SUBSET_PATTERN)
+                matrix.axpy(1.0, product, structure=SUBSET_PATTERN)
         return since == 0
 
 

@@ -84,9 +84,6 @@ class SemismoothNewton:
         self._factorised_in: int | None = None
         self._outdated = False  # whether the usual preconditioner is of a matrix before the last that was factorised
         self._point_count = int(parallel.global_sum(problem.points.comm, problem.points.size))
-        # Random numbers of each state of each point, whose sums tell sets apart.
-        generator = np.random.default_rng(problem.points.comm.rank)
-        self._keys = generator.integers(0, 2**63, size=(6, problem.points.size), dtype=np.uint64)
         self.linear = self._point_count == 0
 
     @cached_property
@@ -441,11 +438,10 @@ class SemismoothNewton:
         history.add(IterationRecord(*numbers, *counts, residual, factorised, seconds))
 
     def _counts(self, bound: Nodal, next_bound: Nodal) -> list[int]:
-        """Nodes in contact and slipping either way, nodes that change, and a fingerprint of the next sets."""
+        """Nodes in contact and slipping either way, nodes that change, and what tells the next sets from others."""
         sets, following = transmitting(self.problem.sets, bound), transmitting(self.problem.next.sets, next_bound)
         side, changed = sets.side, sets.changed(following)
-        state = 3 * following.contact.astype(np.int64) + following.side + 1
-        fingerprint = self._keys[state, np.arange(state.size)].sum(dtype=np.uint64)
+        comm, state = self.problem.points.comm, (following.contact.tobytes(), following.side.tobytes())
         numbers = [np.count_nonzero(mask) for mask in (sets.contact, side > 0, side < 0, changed)]
-        sums = parallel.global_sum(self.problem.points.comm, np.array([*numbers, fingerprint], dtype=np.uint64))
+        sums = parallel.global_sum(comm, np.array([*numbers, hash((comm.rank, *state))], dtype=np.int64))
         return [int(number) for number in sums]

@@ -106,13 +106,24 @@ class ContactMap:
         into.assemble()
         return into
 
+    @cached_property
+    def products(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
+        """B without what is prescribed, and room for D, D B and B^T D B, which is zero so far; collective.  By two
+        products: where rigid bodies move, B has dense columns, with which ``ptap`` takes quadratic time.
+        """
+        free, operator = self.operator.createVecRight(), self.operator.copy()
+        free.getArray()[:] = ~self.fixed
+        operator.diagonalScale(R=free)
+        blocks = self.law(np.ones(self.points.movable.shape))
+        half = blocks.matMult(operator)
+        product = operator.transposeMatMult(half)
+        product.zeroEntries()
+        return operator, blocks, half, product
+
     def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A copy of the matrix with room for B^T D B; collective."""
-        blocks = self.law(np.ones(self.points.movable.shape))
-        pattern = self.operator.transposeMatMult(blocks.matMult(self.operator))
-        pattern.zeroEntries()
         wider = matrix.copy()
-        wider.axpy(1.0, pattern, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        wider.axpy(1.0, self.products[-1], structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return wider
 
     def stiffness(self, diagonal: PETSc.Vec) -> Nodal:

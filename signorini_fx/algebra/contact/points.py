@@ -77,7 +77,7 @@ class ContactPoints:
         """True at all points, shape (n,)."""
         return np.ones(self.size, dtype=bool)
 
-    @property
+    @cached_property
     def immovable(self) -> npt.NDArray[np.bool_]:
         """Points that cannot move along their normal because they are free only perpendicular to it, shape (n,).
 
@@ -164,7 +164,7 @@ class PointGroups:
     @classmethod
     def of(cls, points: ContactPoints, reached: npt.NDArray[np.bool_]) -> PointGroups:
         """The groups of points whose relative displacements are those of the pieces ``reached``, shape (n, pieces)."""
-        every = np.unique(parallel.gather_rows(points.comm, np.unique(reached, axis=0)), axis=0)
+        every = np.unique(parallel.gather_rows(points.comm, reached), axis=0)
         if len(every) < 2:
             return cls(points, np.zeros(points.size, dtype=np.int64), np.ones((1, 1), dtype=bool))
         number = (reached[:, None] == every).all(axis=2).argmax(axis=1)
