@@ -67,6 +67,11 @@ class Averages:
         return np.asarray(self.shares @ self.x) if self.centre is None else self.centre
 
     @cached_property
+    def point(self) -> npt.NDArray[np.int64]:
+        """The point of each entry of ``shares``."""
+        return np.repeat(np.arange(self.shares.shape[0]), np.diff(self.shares.indptr))
+
+    @cached_property
     def operator(self) -> Any:
         """From displacements of nodes to those at the points, in the axes of space, scipy sparse, shape (n d, m d)."""
         if self.between is not None:

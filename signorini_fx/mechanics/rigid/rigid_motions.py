@@ -15,8 +15,6 @@ import numpy.typing as npt
 from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from signorini_fx.algebra.contact.motions import FreeMotions, RigidLoad
 from signorini_fx.algebra.contact.points import PointGroups
@@ -48,6 +46,7 @@ class RigidMotions:
         owned: how many of these nodes this rank owns.
         centre: the point of each piece about which its rotations are taken, shape (p, d).
         length: size of each piece, which makes its rotations comparable with translations, shape (p,).
+        supported: products of the motions of each piece with each other at supports, inverted, shape (p, m, m).
         free: combinations of the motions of each piece (see ``rigid_modes``), one per column, shape (m p, k); a column
             moves the pieces of one assembly only.
         assembly: number of the assembly that each column moves, shape (k,).
@@ -62,6 +61,7 @@ class RigidMotions:
     owned: int
     centre: _Floats
     length: _Floats
+    supported: _Floats
     free: _Floats
     assembly: npt.NDArray[np.int64]
     foundations: _Floats | None = None
@@ -87,9 +87,8 @@ class RigidMotions:
         if boundary.moving is not None and self.foundations is not None:
             moved = moved - boundary.moving.modes @ self.foundations
         relative = boundary.points.movable @ np.einsum("nij,nik->njk", boundary.frames, moved)
-        shares = averages.shares.tocoo()
         reached = piece[:, None] == np.arange(self.pieces.count)
-        reached[shares.row, of[shares.col]] = True
+        reached[averages.point, of[averages.shares.indices]] = True
         groups = PointGroups.of(boundary.points, reached)
         return FreeMotions(boundary.points, relative, self.assembly, self.pieces.assembly[piece], groups)
 
@@ -97,12 +96,12 @@ class RigidMotions:
         """The same with the free motions of foundations, and with all that can come into contact as one assembly;
         collective.
         """
-        moving, of, shares = boundary.moving, self.pieces.assembly, boundary.averages.shares.tocoo()
+        moving, of, averages = boundary.moving, self.pieces.assembly, boundary.averages
         if moving is None and not boundary.paired:
             return self
         count, bodies = int(of.max()) + 1, 0
         at_points = of[self.piece[boundary.nodes]]
-        links = [np.column_stack((at_points[shares.row], of[self._pieces_at(boundary)[shares.col]]))]
+        links = [np.column_stack((at_points[averages.point], of[self._pieces_at(boundary)[averages.shares.indices]]))]
         if moving is not None:
             point, unknown = np.nonzero(moving.modes.any(axis=1))
             links.append(np.column_stack((at_points[point], count + moving.number[unknown])))
@@ -162,10 +161,11 @@ class RigidMotions:
 
 def _joined(links: npt.NDArray[np.int64], count: int, comm: MPI.Comm) -> npt.NDArray[np.int64]:
     """The number of the component that each of so many things is in, linked in pairs of all ranks; collective."""
-    keys = parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1]))
-    pairs = np.divmod(np.unique(keys), count)
-    graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+    keys, number = parallel.gather_rows(comm, np.unique(links[:, 0] * count + links[:, 1])), np.arange(count)
+    for pair in np.column_stack(np.divmod(np.unique(keys), count)):
+        low, high = np.sort(number[pair])
+        number[number == high] = low
+    return np.unique(number, return_inverse=True)[1].astype(np.int64)
 
 
 def rigid_modes(x: _Floats, centre: _Floats, length: _Floats) -> _Floats:
@@ -203,16 +203,18 @@ def rigid_motions(
     total = parallel.sums_by(comm, piece[owned], sums, pieces.count)
     centre = total[:, 1:] / np.maximum(total[:, :1], 1.0)
     length = np.hypot.reduce(pieces.bounds[:, 1] - pieces.bounds[:, 0], axis=1)
-    no_modes = np.zeros((0, 0))
-    motions = RigidMotions(pieces, x, piece, len(fixed), centre, length, no_modes, np.zeros(0, dtype=np.int64))
-    supported, _ = _at_supports(motions, fixed, np.zeros(fixed.shape), turned, comm)
-    free, assembly = _null_space(supported, motions, kinematics)
+    none = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0, dtype=np.int64)
+    motions = RigidMotions(pieces, x, piece, len(fixed), centre, length, *none)
+    products, _ = _at_supports(motions, fixed, np.zeros(fixed.shape), turned, comm)
+    free, assembly = _null_space(products, motions, kinematics)
+    supported = np.linalg.pinv(products, rcond=ROOT_OF_EPS, hermitian=True).astype(np.float64)
+    motions = replace(motions, supported=supported, free=free, assembly=assembly)
     # Products have half of the digits of where the supports lie: what the motions still do there is taken out.
     held, moved = np.flatnonzero(fixed.any(axis=1)), np.zeros(fixed.shape)
     for column in free.T:
         moved[held] = motions.of_pieces(column, held)
         column -= nearest_motion(motions, fixed, moved, turned, comm)
-    return replace(motions, free=free, assembly=assembly)
+    return motions
 
 
 def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_Floats], PETSc.Vec]) -> RigidMotions:
@@ -254,9 +256,8 @@ def nearest_motion(
     """The motions of the pieces that are nearest to prescribed displacements of the owned nodes, of which components
     are ``fixed``, at ``turned`` nodes in their frames, shapes (owned nodes, d); shape (m p,); collective.
     """
-    supported, moved = _at_supports(motions, fixed, prescribed, turned, comm)
-    inverse = np.asarray(np.linalg.pinv(supported, rcond=ROOT_OF_EPS, hermitian=True), dtype=np.float64)
-    return np.asarray(np.einsum("pij,pj->pi", inverse, moved).ravel())
+    _, moved = _at_supports(motions, fixed, prescribed, turned, comm)
+    return np.asarray(np.einsum("pij,pj->pi", motions.supported, moved).ravel())
 
 
 def _at_supports(
