@@ -46,9 +46,14 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
-def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> tuple[int, ...]:
-    """Hashes, by the key of this process, of what a form is assembled from on this rank, and of other arrays."""
-    return tuple(hash(values.tobytes()) for values in (*compat.form_data(form), form.mesh.geometry.x, *arrays))
+def digest(form: fem.Form) -> tuple[int, ...]:
+    """The ``hashes`` of what a form is assembled from on this rank."""
+    return hashes(*compat.form_data(form), form.mesh.geometry.x)
+
+
+def hashes(*arrays: npt.NDArray[Any]) -> tuple[int, ...]:
+    """By the key of this process."""
+    return tuple(hash(values.tobytes()) for values in arrays)
 
 
 def elastic_body(
@@ -120,7 +125,6 @@ def scales_of(
     body: ElasticBody,
     boundary: ContactBoundary,
     facets: Sequence[npt.NDArray[np.int32]],
-    size: float,
     modulus: float | None = None,
 ) -> Scales:
     """Size of a body, and its modulus, the scale of gamma; collective.
@@ -130,7 +134,7 @@ def scales_of(
     the boundary and h across it: per area it meets about E (1 / h + h / l^2).
     """
     if modulus is not None:
-        return Scales(body.space.mesh.topology.dim, modulus, size)
+        return Scales(body.space.mesh.topology.dim, modulus, body.diameter)
     space, diagonal = body.space, body.stiffness.getDiagonal()
     if body.relative is not None:  # what turning normals do to rigid bodies is no stiffness of the body
         diagonal.getArray()[body.fixed.size :] = 0.0
@@ -143,27 +147,33 @@ def scales_of(
         totals = parallel.global_sum(
             boundary.comm, np.array([(values.sum(), values.size) for values in logarithms]).ravel()
         )
-        return Scales(dim, float(np.exp(totals[0] / max(totals[1], 1.0) - totals[2] / totals[3])), size)
-    stiffness, listed = body.contact.stiffness(diagonal), np.concatenate(list(facets))
-    across = 2 * (
-        dmesh.compute_midpoints(mesh, dim, facet_entities(mesh, listed)[:, 0])
-        - dmesh.compute_midpoints(mesh, dim - 1, listed)
+        modulus = float(np.exp(totals[0] / max(totals[1], 1.0) - totals[2] / totals[3]))
+        return Scales(dim, modulus, body.diameter)
+    if "met" not in body.of_mesh:
+        body.of_mesh["met"] = _met_at_nodes(space, boundary, np.concatenate(list(facets)))
+    stiffness = body.contact.stiffness(diagonal)
+    moves = stiffness > 0
+    weight, unit = boundary.weight[moves], body.of_mesh["met"][boundary.nodes[moves]]
+    weights, compliance = parallel.global_sum(
+        boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
     )
-    along, across = mesh.h(dim - 1, listed), np.linalg.norm(across, axis=1)
-    inverse, degree = 1 / across + across / along**2, space.element.basix_element.degree
-    sums = fem.Function(space)
+    return Scales(dim, float(weights / compliance), body.diameter)
+
+
+def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: npt.NDArray[np.int32]) -> Array:
+    """Means of 1 / h + h / l^2 around the nodes of this rank for linear functions, nan at others; collective."""
+    mesh, dim, sums = space.mesh, space.mesh.topology.dim, fem.Function(space)
+    cells = facet_entities(mesh, facets)[:, 0]
+    across = 2 * (dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(mesh, dim - 1, facets))
+    along, across = mesh.h(dim - 1, facets), np.linalg.norm(across, axis=1)
+    inverse = 1 / across + across / along**2
     array = sums.x.array.reshape(-1, mesh.geometry.dim)
     for node in boundary.segments[:, 1:].T:
         local = space.dofmap.index_map.global_to_local(np.ascontiguousarray(node))
         np.add.at(array[:, :2], local, np.column_stack((inverse, np.ones(inverse.size))))
     sums.x.scatter_reverse(la.InsertMode.add)
-    total, count = array[boundary.nodes, :2].T
-    moves = stiffness > 0
-    weight, unit = boundary.weight[moves], degree * total[moves] / count[moves]
-    weights, compliance = parallel.global_sum(
-        boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
-    )
-    return Scales(dim, float(weights / compliance), size)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(space.element.basix_element.degree * array[:, 0] / array[:, 1])
 
 
 # --- what results are made of -----------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, defaults, refuse_exchanged, refused
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, natural_modulus, scales_of
+from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, hashes, natural_modulus, scales_of
 from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts, settings_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
@@ -31,7 +31,7 @@ from signorini_fx.mechanics.contact_points.contact_boundary import ContactBounda
 from signorini_fx.mechanics.contact_points.contact_state import ContactState
 from signorini_fx.mechanics.interfaces import Foundation, Pair
 from signorini_fx.mechanics.loads.supports import prescribed
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh, diameter_of
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations, ShapeDistances
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
@@ -61,6 +61,7 @@ class FormSolver:
     data: list[FoundationData]  # at the nodes, as they are now
     unshifted: RegularisedData  # displacements counted from the initial position
     prescribed: tuple[npt.NDArray[np.bool_], Array]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
+    _of_form: tuple[int, ...]  # the digest of ``a``
     _checkpoint: Any  # the iterate at the beginning of the last solve
 
     def __init__(
@@ -157,8 +158,10 @@ class FormSolver:
         self.foundations.settle()
 
     def show(self, outcome: Outcome, result: StepResult | None) -> None:
-        """Make a result the one that the user sees; None: its owner certifies it; collective."""
+        """Make a result the one that the user sees; None: its owner certifies and shows it; collective."""
         self.outcome, self.result = outcome, result
+        shown = None if result is None else result.contact
+        self._state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary) if shown is None else shown
         if result is None:
             unknowns, rest = outcome.displacement(), self.task.rest
             displacement = self.elastic.from_rest(rest, unknowns)
@@ -168,10 +171,8 @@ class FormSolver:
             result.displacement.name = self.u.name
             displacement, self.tools = result.displacement, result.tools
             self.status, self.certificate = result.status, result.certificate
-        shown = None if result is None else result.contact
-        self._state = ContactState.of(self.task.contact(outcome, self.begun), self.boundary) if shown is None else shown
+            self.fields.take(self.space, self.state)
         self.u.x.array[:] = displacement.x.array
-        self.fields.take(self.space, self.state)
         if self.status is not Status.CONVERGED:  # the next solve begins where this one has begun
             self.task.newton.restore(self._checkpoint)
         else:
@@ -186,9 +187,10 @@ class FormSolver:
         at_rest = self.foundations.at_rest(fixed, values)
         rigid = self.rigid = self.foundations.rigid_bodies
         driven = rigid.driven()
+        self._of_form = digest(self.forms.compiled[0])
         fingerprints = (
-            digest(self.forms.compiled[0], fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
-            digest(self.forms.compiled[1], values, driven.forces, driven.motion, rigid.stiffness),
+            self._of_form + hashes(fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
+            digest(self.forms.compiled[1]) + hashes(values, driven.forces, driven.motion, rigid.stiffness),
         )
         last, self._last_pattern = self._last_pattern, None  # until all that follows has gone well
         if last is None or parallel.any_rank(comm, fingerprints[0] != last[0]):
@@ -214,12 +216,11 @@ class FormSolver:
         self.boundary = boundary
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         elastic = self.elastic = self._body(fixed[:owned], boundary)
-        forms, fingerprint = self.forms, digest(self.forms.compiled[0])
-        if parallel.any_rank(space.mesh.comm, fingerprint != self._last_modulus[0]):
+        forms = self.forms
+        if parallel.any_rank(space.mesh.comm, self._of_form != self._last_modulus[0]):
             modulus = natural_modulus(forms.stress, forms.original[0], forms.measures, space)
-            self._last_modulus = fingerprint, modulus
-        size, modulus = diameter_of(space.mesh), self._last_modulus[1]
-        self.scales = scales_of(elastic, boundary, self.foundations.facets, size, modulus)
+            self._last_modulus = self._of_form, modulus
+        self.scales = scales_of(elastic, boundary, self.foundations.facets, self._last_modulus[1])
         case, data = self._case(values), self._point_data(shapes)
         laws = [contact.friction for contact in self.forms.contact if contact.friction is not None]
         self.task = elastic.task(
@@ -247,20 +248,21 @@ class FormSolver:
 
     def _case(self, values: Array) -> LoadCase:
         """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,); collective."""
-        forces, function = self._forces(), fem.Function(self.space)
+        function = fem.Function(self.space)
         function.x.array[:] = values
+        forces, lifted = self._forces(function)
         for name, entries in (("bcs", values), ("L", forces)):
             if parallel.any_rank(self.space.mesh.comm, not np.isfinite(entries).all()):
                 raise FormError([(name, "is not finite somewhere")])
-        return self.elastic.case(forces, function, self.rigid.driven())
+        return self.elastic.case(forces, function, self.rigid.driven(), lifted=lifted)
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         points = boundary if self.contact else None
         return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, self.settings)
 
-    def _forces(self) -> Array:
-        """The right-hand side without what is prescribed, shape (owned dofs,); collective."""
-        return assemble(self.forms.compiled[1])
+    def _forces(self, prescribed: fem.Function) -> tuple[Array, fem.Function]:
+        """The right-hand side, shape (owned dofs,), without what is returned of the prescribed values; collective."""
+        return assemble(self.forms.compiled[1]), prescribed
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """How far foundations have moved at contact points since ``advance``, shape (n, d); None: they have not."""

@@ -35,7 +35,7 @@ from signorini_fx.mechanics.assembly.pieces import BodyPieces
 from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, block_diagonal, contact_map
 from signorini_fx.mechanics.elasticity.elastic_law import embedding
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
-from signorini_fx.mechanics.mesh.tagged import TaggedMesh
+from signorini_fx.mechanics.mesh.tagged import TaggedMesh, diameter_of
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
 from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies
 from signorini_fx.mechanics.rigid.rigid_motions import RigidMotions, nearest_motion, rigid_motions, without_energy
@@ -104,6 +104,11 @@ class ElasticBody:
     def dimension(self) -> int:
         """D, of space."""
         return int(self.space.mesh.geometry.dim)
+
+    @shared_in("of_mesh")
+    def diameter(self) -> float:
+        """The largest distance of two of its points, length."""
+        return diameter_of(self.space.mesh)
 
     @property
     def dofs(self) -> int:
@@ -326,19 +331,21 @@ class ElasticBody:
         driven: Driven | None = None,
         pushing: Array | None = None,
         pressure_load: Array | None = None,
+        lifted: fem.Function | None = None,
     ) -> LoadCase:
-        """The right-hand side of an ``AppliedLoad``, whose prescribed displacements are lifted."""
+        """The right-hand side of an ``AppliedLoad``, whose prescribed displacements are lifted; ``lifted``: what of
+        these is not in the forces yet, None: all.
+        """
         comm, dim = self.comm, self.dimension
-        prescribed_values, moved = prescribed.x.array[: forces.size], prescribed.x.array.reshape(-1, dim).any(axis=1)
-        lifted, start = forces, self.vector(prescribed_values)
-        if parallel.any_rank(comm, bool(moved.any())):
-            lifted = forces - self.forces_of(prescribed, np.flatnonzero(moved).astype(np.int32))
+        prescribed_values, fixed = prescribed.x.array[: forces.size], self.prescribed
+        start = self.vector(prescribed_values)
+        if parallel.any_rank(comm, bool(prescribed_values.any())):
             nearest = nearest_motion(
                 self.motions, self.fixed.reshape(-1, dim), prescribed_values.reshape(-1, dim), self.turned, comm
             )
             free = self.vector(self.motions.of_pieces(nearest)).getArray(readonly=True)
-            start.getArray()[~self.prescribed] = free[~self.prescribed]
-        load, fixed = self.vector(lifted), self.prescribed
+            start.getArray()[~fixed] = free[~fixed]
+        load = self.vector(forces - self.forces_of(prescribed if lifted is None else lifted))
         if self.mixed is not None:
             load.getArray()[self._held.size :] = self.mixed.lifted(prescribed, pressure_load)
         if driven is not None:
@@ -429,29 +436,31 @@ class ElasticBody:
             driven = driven - self.motions.foundations @ resting.motion
         x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
 
-    def forces_of(self, displacement: fem.Function, nodes: npt.NDArray[np.int32] | None = None) -> Array:
-        """a(y, .), supports left out, shape (owned dofs,); ``nodes``: outside of which y is zero, local numbers, ghosts
-        included.
-        """
-        if nodes is None:
-            nodes = np.arange(displacement.x.array.size // self.dimension, dtype=np.int32)
-        forces = action(self.forms, displacement, nodes)
+    def forces_of(self, displacement: fem.Function) -> Array:
+        """a(y, .), supports left out, shape (owned dofs,); collective."""
+        moved = np.flatnonzero(displacement.x.array.reshape(-1, self.dimension).any(axis=1)).astype(np.int32)
+        if not parallel.any_rank(self.comm, moved.size > 0):
+            return np.zeros(self.fixed.size)
+        forces = action(self.forms, displacement, moved)
         return forces if self.beside is None else forces + self.beside.times(displacement)
 
-    def forces_where_free(self, displacement: fem.Function) -> Array:
-        """``forces_of`` where nothing is prescribed, by the stiffness: cheaper than an integration over all cells."""
+    def held_of(self, displacement: fem.Function) -> fem.Function:
+        """A displacement without its components that nothing prescribes; collective."""
+        held = fem.Function(self.space)
+        held.x.array[: self.fixed.size] = np.where(self.fixed, displacement.x.array[: self.fixed.size], 0.0)
+        held.x.scatter_forward()
+        return held
+
+    def forces_where_free(self, displacement: fem.Function, held: fem.Function) -> Array:
+        """``forces_of`` a displacement without what is ``held`` of it, where nothing is prescribed, by the stiffness:
+        cheaper than an integration over all cells.
+        """
         if self.rotation is not None or self.mixed is not None:
-            return self.forces_of(displacement)
+            return self.forces_of(displacement) - self.forces_of(held)
         y = self.vector(displacement.x.array)
         product = y.duplicate()
         self.stiffness.mult(y, product)
-        forces, held = np.array(product.getArray(readonly=True)), fem.Function(self.space)
-        held.x.array[: self.fixed.size] = np.where(self.fixed, displacement.x.array[: self.fixed.size], 0.0)
-        held.x.scatter_forward()
-        moved = held.x.array.reshape(-1, self.dimension).any(axis=1)
-        if parallel.any_rank(self.comm, bool(moved.any())):
-            forces += self.forces_of(held, np.flatnonzero(moved).astype(np.int32))
-        return forces
+        return np.array(product.getArray(readonly=True))
 
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
         """The unknowns x of a finite element function, the inverse of ``function``."""

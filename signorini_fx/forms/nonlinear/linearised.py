@@ -336,7 +336,7 @@ class LinearisedProblem(FormSolver):
         last, comm = self.__dict__.get("elastic"), self.space.mesh.comm
         if not parallel.any_rank(comm, last is None or not np.array_equal(last.fixed, fixed)):
             assert last is not None
-            beside["of_body"] = last.of_body if self._keeps else last.of_supports
+            beside["of_body"], beside["of_mesh"] = last.of_body if self._keeps else last.of_supports, last.of_mesh
             if self._keeps and isinstance(self.task.system, CondensedSystem):
                 beside["eliminated"] = self.task.system.schur
         if definite:
@@ -357,8 +357,12 @@ class LinearisedProblem(FormSolver):
         more |= {"beside": self.curvature, "relative": self.relative if fits else None}
         return elastic_body(self.space, tangent, self.bcs, boundary=points, **more)
 
-    def _forces(self) -> Array:
-        return self.elastic.forces_where_free(self.at) - self._residual_now
+    def _forces(self, prescribed: fem.Function) -> tuple[Array, fem.Function]:
+        """Supports that have not moved since F was evaluated add nothing to it."""
+        lifted = self.elastic.held_of(self.at)
+        forces = self.elastic.forces_where_free(self.at, lifted) - self._residual_now
+        lifted.x.array[:] = prescribed.x.array - lifted.x.array
+        return forces, lifted
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Displacements are counted from the initial position, whatever holds the body."""
@@ -575,7 +579,9 @@ class LinearisedProblem(FormSolver):
             if self.elastic.relative is not None:
                 on_tools = self.elastic.relative_forces(displacement.x.array, moved)[1]
                 work += float(2 * on_tools @ moved + moved @ self.elastic.relative[1] @ moved)
-        return self.elastic.forces_where_free(displacement), self.curvature.times(displacement), work
+        held = self.elastic.held_of(displacement)
+        forces = self.elastic.forces_where_free(displacement, held) + self.elastic.forces_of(held)
+        return forces, self.curvature.times(displacement), work
 
     def state_now(self, certificate: Certificate | None, iterations: int) -> State:
         """What there is now."""

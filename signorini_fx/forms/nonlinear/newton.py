@@ -86,10 +86,10 @@ class EquilibriumSolver(Stability):
     @property
     def _least_increment(self) -> float:
         """Increments that may be round-off of the body, its places, or loose bodies, length; collective."""
-        linear, mesh = self.linear, self.linear.space.mesh
-        farthest = float(parallel.largest(mesh.comm, np.abs(mesh.geometry.x), 0.0))
+        linear = self.linear
+        places = UNITS_OF_PLACES * float(np.finfo(float).eps * np.abs(linear.elastic.pieces.bounds).max())
         loose = linear.scales.coordinate_error / NO_FORCE if linear.loose else 0.0
-        return max(SAME_NUMBER * linear.scales.size, UNITS_OF_PLACES * float(np.finfo(float).eps) * farthest, loose)
+        return max(SAME_NUMBER * linear.scales.size, places, loose)
 
     def begin_path(self, *, several: bool) -> None:
         """Forget how long solves took, and a first step that had no solution; ``several``: see ``Start``."""

@@ -157,7 +157,8 @@ class SolvedBody:
         solves: int,
         status: Status = Status.CONVERGED,
     ) -> SolvedBody:
-        """What there is after a solve, with its linear solves and how it has ended; collective."""
+        """What there is after a solve, which the user sees, with its linear solves and how it has ended; collective."""
+        linear.fields.take(linear.space, linear.state)
         shapes, solved = linear.foundations.moving, copy(linear)
         given: Any = linear.contact
         placed = [replace(entry, shape=shapes[k].as_given) if k in shapes else entry for k, entry in enumerate(given)]

@@ -25,7 +25,6 @@ from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import node_positions
 from signorini_fx.mechanics.assembly.pieces import find_pieces
 from signorini_fx.mechanics.contact_points.contact_boundary import block_diagonal
-from signorini_fx.mechanics.mesh.tagged import diameter_of
 from signorini_fx.mechanics.obstacles.paired_points import FacingSides
 from signorini_fx.mechanics.obstacles.shapes_inside import BodyCells, InsideBody
 from signorini_fx.records import Status
@@ -77,7 +76,7 @@ class Stability:
         u, comm = self.residual.u, self.linear.space.mesh.comm
         farthest = u.x.array if tried is None else tried
         away, so_far = (parallel.largest(comm, np.abs(values), 0.0) for values in (farthest - before, before))
-        if not away <= max(diameter_of(self.linear.space.mesh), so_far):
+        if not away <= max(self.linear.elastic.diameter, so_far):
             return "the displacement runs away" if self.leads(before) else ""
         with suppress(FormError):
             known = self.residual.at(u.x.array.copy()) is not None and self.linear.outcome is not None

@@ -81,8 +81,7 @@ class ContactBoundary:
         normal: outward unit normal n_i, shape (n, d).
         part: position of the effect in ``statement.contact`` that the node belongs to, shape (n,).
         free: which displacement components are not prescribed, shape (n, d); where points average, at some node.
-        segments: facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a facet); in the
-            plane in order along the facet, in 3D as basix has them.
+        surface: space, facets of this rank and number of each part.
         global_nodes: global number of the node, shape (n,).
         averages: how each point averages the displacement around it.
         axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d).
@@ -100,7 +99,7 @@ class ContactBoundary:
     normal: Array
     part: npt.NDArray[np.int32]
     free: npt.NDArray[np.bool_]
-    segments: npt.NDArray[np.int64]
+    surface: tuple[tuple[fem.FunctionSpace, npt.NDArray[np.int32], int], ...]
     global_nodes: npt.NDArray[np.int64]
     averages: Averages
     axes: Array
@@ -113,6 +112,13 @@ class ContactBoundary:
     def size(self) -> int:
         """Number of contact nodes on this rank."""
         return int(self.nodes.size)
+
+    @cached_property
+    def segments(self) -> npt.NDArray[np.int64]:
+        """Facets of this rank: the part, then global node numbers, shape (facets, 1 + points of a facet); in the plane
+        in order along the facet, in 3D as basix has them.
+        """
+        return np.concatenate([segments_of(*part) for part in self.surface])
 
     @cached_property
     def centre(self) -> Array:
@@ -212,7 +218,7 @@ def tangents_of(normal: Array) -> Array:
 
 def join(parts: list[ContactBoundary]) -> ContactBoundary:
     """Several contact boundaries as one list of nodes."""
-    names = ("nodes", "x", "weight", "normal", "part", "free", "segments", "global_nodes", "axes")
+    names = ("nodes", "x", "weight", "normal", "part", "free", "global_nodes", "axes")
     fields: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     pushing = None
     if any(part.pushing is not None for part in parts):
@@ -220,6 +226,7 @@ def join(parts: list[ContactBoundary]) -> ContactBoundary:
     return ContactBoundary(
         parts[0].comm,
         **fields,
+        surface=tuple(surface for part in parts for surface in part.surface),
         averages=Averages.joined([part.averages for part in parts]),
         friction_axes=FrictionAxes.joined([part.friction_axes for part in parts], [part.size for part in parts]),
         kinematics=parts[0].kinematics,
@@ -269,7 +276,7 @@ def contact_part(
         normal=normal,
         part=np.full(nodes.size, index, dtype=np.int32),
         free=averages.any_of(~averages.fixed),
-        segments=segments_of(space, facets, index, vertices=averaging(space)),
+        surface=((space, facets, index),),
         global_nodes=space.dofmap.index_map.local_to_global(nodes),
         averages=averages,
         axes=np.tile(np.eye(dim), (nodes.size, 1, 1)) if turned is None else turned.frames_at(nodes),
@@ -285,13 +292,11 @@ def no_points(space: fem.FunctionSpace) -> ContactBoundary:
     return contact_part(space, (nowhere, np.zeros(0), x), averages, nowhere, 0)
 
 
-def segments_of(
-    space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int, *, vertices: bool
-) -> npt.NDArray[np.int64]:
-    """The segments of a contact boundary; ``vertices``: whether of each facet these alone."""
+def segments_of(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: int) -> npt.NDArray[np.int64]:
+    """The segments of one part of a contact boundary."""
     side, local_nodes = space.mesh.topology.dim - 1, facet_nodes(space, facets)
     # Vertices come first, then inner nodes: along a facet in 2D the second vertex is the last node.
-    if vertices:
+    if averaging(space):
         local_nodes = local_nodes[:, : side + 1]  # of triangles: no other facets average
     if side == 1:
         local_nodes = local_nodes[:, [0, *range(2, local_nodes.shape[1]), 1]]

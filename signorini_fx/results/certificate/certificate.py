@@ -178,11 +178,12 @@ def judged(
         return Certificate(equilibrium=max(unbalanced, volume), unjudged=unjudged, lost=lost, **figures)
     nodes = ContactNodes.of(contact, tractions)
     at = nodes.pieces(pieces.piece)
+    of_both = np.concatenate(at)
     figures["coupling"] = max((pair.error() for pair in contact.pairs.values()), default=0.0)
 
     def largest(values: Nodal) -> Nodal:
         """Of the points of each piece, from either side."""
-        return np.max([pieces.largest(values, side) for side in at], axis=0)
+        return pieces.largest(np.concatenate((values, values)), of_both)
 
     drawn, moved = np.zeros(contact.boundary.size), [motion for motion, _ in rigid]
     for motion in moved:
