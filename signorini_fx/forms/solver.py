@@ -35,7 +35,7 @@ from signorini_fx.mechanics.mesh.tagged import TaggedMesh
 from signorini_fx.mechanics.model import ElasticBody
 from signorini_fx.mechanics.obstacles.foundations_on_points import FoundationData, Foundations, ShapeDistances
 from signorini_fx.mechanics.rigid.mesh_levels import MeshLevel
-from signorini_fx.mechanics.rigid.rigid_bodies import RigidBodies, RigidBodyMotion
+from signorini_fx.mechanics.rigid.rigid_bodies import Driven, RigidBodies, RigidBodyMotion
 from signorini_fx.mechanics.scales import Scales
 from signorini_fx.mechanics.statement.load_path import LoadPath, counted_path
 from signorini_fx.records import History, Status, Timings
@@ -58,6 +58,7 @@ class FormSolver:
     task: Task
     begun: Start  # where the last solve began
     rigid: RigidBodies
+    driven: Driven  # what drives them
     data: list[FoundationData]  # at the nodes, as they are now
     unshifted: RegularisedData  # displacements counted from the initial position
     prescribed: tuple[npt.NDArray[np.bool_], Array]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
@@ -186,7 +187,7 @@ class FormSolver:
         geometry = [values for shape in shapes for values in (shape.factor, shape.direction) if values is not None]
         at_rest = self.foundations.at_rest(fixed, values)
         rigid = self.rigid = self.foundations.rigid_bodies
-        driven = rigid.driven()
+        driven = self.driven = rigid.driven()
         self._of_form = digest(self.forms.compiled[0])
         fingerprints = (
             self._of_form + hashes(fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
@@ -250,19 +251,19 @@ class FormSolver:
         """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,); collective."""
         function = fem.Function(self.space)
         function.x.array[:] = values
-        forces, lifted = self._forces(function)
+        forces, lifted = self._forces(values)
         for name, entries in (("bcs", values), ("L", forces)):
             if parallel.any_rank(self.space.mesh.comm, not np.isfinite(entries).all()):
                 raise FormError([(name, "is not finite somewhere")])
-        return self.elastic.case(forces, function, self.rigid.driven(), lifted=lifted)
+        return self.elastic.case(forces, function, self.driven, lifted=lifted)
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         points = boundary if self.contact else None
         return elastic_body(self.space, self.forms.compiled[0], self.bcs, fixed, points, self.settings)
 
-    def _forces(self, prescribed: fem.Function) -> tuple[Array, fem.Function]:
+    def _forces(self, values: Array) -> tuple[Array, Array]:
         """The right-hand side, shape (owned dofs,), without what is returned of the prescribed values; collective."""
-        return assemble(self.forms.compiled[1]), prescribed
+        return assemble(self.forms.compiled[1]), values
 
     def moved(self, boundary: ContactBoundary) -> Array | None:
         """How far foundations have moved at contact points since ``advance``, shape (n, d); None: they have not."""

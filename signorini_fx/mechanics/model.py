@@ -331,7 +331,7 @@ class ElasticBody:
         driven: Driven | None = None,
         pushing: Array | None = None,
         pressure_load: Array | None = None,
-        lifted: fem.Function | None = None,
+        lifted: Array | None = None,
     ) -> LoadCase:
         """The right-hand side of an ``AppliedLoad``, whose prescribed displacements are lifted; ``lifted``: what of
         these is not in the forces yet, None: all.
@@ -345,7 +345,7 @@ class ElasticBody:
             )
             free = self.vector(self.motions.of_pieces(nearest)).getArray(readonly=True)
             start.getArray()[~fixed] = free[~fixed]
-        load = self.vector(forces - self.forces_of(prescribed if lifted is None else lifted))
+        load = self.vector(forces - self.forces_of(prescribed.x.array if lifted is None else lifted))
         if self.mixed is not None:
             load.getArray()[self._held.size :] = self.mixed.lifted(prescribed, pressure_load)
         if driven is not None:
@@ -382,7 +382,7 @@ class ElasticBody:
             y = self.function(system.displacement(x))
             if allowed is not None:
                 return allowed(y)
-            forces = self.forces_of(y)
+            forces = self.forces_of(y.x.array)
             twice = float(parallel.global_sum(self.comm, forces @ y.x.array[: forces.size]))
             return float(share) * float(np.sqrt(max(0.0, twice)))
 
@@ -436,31 +436,24 @@ class ElasticBody:
             driven = driven - self.motions.foundations @ resting.motion
         x.getArray()[self.fixed.size : self._held.size] = driven[: self._rigid]
 
-    def forces_of(self, displacement: fem.Function) -> Array:
-        """a(y, .), supports left out, shape (owned dofs,); collective."""
-        moved = np.flatnonzero(displacement.x.array.reshape(-1, self.dimension).any(axis=1)).astype(np.int32)
+    def forces_of(self, values: Array) -> Array:
+        """a(y, .) of a displacement, ghosts included, supports left out, shapes (dofs,), (owned dofs,); collective."""
+        moved = np.flatnonzero(values.reshape(-1, self.dimension).any(axis=1)).astype(np.int32)
         if not parallel.any_rank(self.comm, moved.size > 0):
             return np.zeros(self.fixed.size)
+        displacement = fem.Function(self.space)
+        displacement.x.array[:] = values
         forces = action(self.forms, displacement, moved)
-        return forces if self.beside is None else forces + self.beside.times(displacement)
+        return forces if self.beside is None else forces + self.beside.times(values, self.space)
 
-    def held_of(self, displacement: fem.Function) -> fem.Function:
-        """A displacement without its components that nothing prescribes; collective."""
-        held = fem.Function(self.space)
-        held.x.array[: self.fixed.size] = np.where(self.fixed, displacement.x.array[: self.fixed.size], 0.0)
-        held.x.scatter_forward()
-        return held
-
-    def forces_where_free(self, displacement: fem.Function, held: fem.Function) -> Array:
-        """``forces_of`` a displacement without what is ``held`` of it, where nothing is prescribed, by the stiffness:
-        cheaper than an integration over all cells.
+    def forces_of_free(self, values: Array) -> Array:
+        """``forces_of`` what is free of a displacement, where nothing is prescribed, without turned supports, by the
+        stiffness: cheaper than an integration over all cells.
         """
-        if self.rotation is not None or self.mixed is not None:
-            return self.forces_of(displacement) - self.forces_of(held)
-        y = self.vector(displacement.x.array)
+        y = self.vector(values)
         product = y.duplicate()
         self.stiffness.mult(y, product)
-        return np.array(product.getArray(readonly=True))
+        return np.array(product.getArray(readonly=True)[: self.fixed.size])
 
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
         """The unknowns x of a finite element function, the inverse of ``function``."""

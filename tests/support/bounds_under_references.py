@@ -136,7 +136,7 @@ def energy_of_difference(coarse, fine):
         at = (places[dofs] - x[owner, 0]) @ inverse[owner].T
         values[dofs] = element.tabulate(0, at)[0, :, :, 0] @ nodes[owner]
     difference.x.array[:] -= fine.displacement.x.array
-    forces = fine.model.forces_of(difference)
+    forces = fine.model.forces_of(difference.x.array)
     return float(np.sqrt(forces @ difference.x.array[: forces.size]))
 
 

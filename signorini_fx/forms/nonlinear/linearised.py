@@ -357,12 +357,10 @@ class LinearisedProblem(FormSolver):
         more |= {"beside": self.curvature, "relative": self.relative if fits else None}
         return elastic_body(self.space, tangent, self.bcs, boundary=points, **more)
 
-    def _forces(self, prescribed: fem.Function) -> tuple[Array, fem.Function]:
+    def _forces(self, values: Array) -> tuple[Array, Array]:
         """Supports that have not moved since F was evaluated add nothing to it."""
-        lifted = self.elastic.held_of(self.at)
-        forces = self.elastic.forces_where_free(self.at, lifted) - self._residual_now
-        lifted.x.array[:] = prescribed.x.array - lifted.x.array
-        return forces, lifted
+        at = self.at.x.array
+        return self.elastic.forces_of_free(at) - self._residual_now, np.where(self.prescribed[0], values - at, 0.0)
 
     def _set_up(self, shapes: Sequence[ShapeDistances]) -> tuple[RegularisedData, PointFriction | None]:
         """Displacements are counted from the initial position, whatever holds the body."""
@@ -372,7 +370,7 @@ class LinearisedProblem(FormSolver):
 
     def _case(self, values: Array) -> LoadCase:
         """With the work of the residual on free motions, and with what relative displacements meet."""
-        case, elastic, driven = super()._case(values), self.elastic, self.rigid.driven()
+        case, elastic, driven = super()._case(values), self.elastic, self.driven
         if elastic.motions.free.size:
             resultant = elastic.motions.load_of(-self._residual_now, elastic.comm, driven.forces)
             case = replace(case, resultant=replace(resultant, size=resultant.size + self._lost / NO_FORCE))
@@ -567,21 +565,20 @@ class LinearisedProblem(FormSolver):
         pressed = np.asarray(np.column_stack((state.pressure, state.shear)).any(axis=1))
         return task.motions.untouched(task.idle, pressed)
 
-    def internal(self, displacement: fem.Function) -> tuple[Array, Array, float]:
+    def internal(self, increment: Array) -> tuple[Array, Array, float]:
         """What a(d, .), where no support prescribes d, and the curvature alone are, shapes (owned dofs,), and the work
         of the forces that normals which turn relative to tools, and springs of tools, exert on increments; collective.
         """
-        work = 0.0
+        elastic, work = self.elastic, 0.0
         if self.rigid.bodies:
             moved = self.rigid.unknowns(self.tools) - self.foundations.coordinates
             springs = np.where(self.rigid.fixed, 0.0, self.rigid.stiffness)
             work += float(springs @ moved**2)
-            if self.elastic.relative is not None:
-                on_tools = self.elastic.relative_forces(displacement.x.array, moved)[1]
-                work += float(2 * on_tools @ moved + moved @ self.elastic.relative[1] @ moved)
-        held = self.elastic.held_of(displacement)
-        forces = self.elastic.forces_where_free(displacement, held) + self.elastic.forces_of(held)
-        return forces, self.curvature.times(displacement), work
+            if elastic.relative is not None:
+                on_tools = elastic.relative_forces(increment, moved)[1]
+                work += float(2 * on_tools @ moved + moved @ elastic.relative[1] @ moved)
+        held = elastic.forces_of(np.where(self.prescribed[0], increment, 0.0))
+        return elastic.forces_of_free(increment) + held, self.curvature.times(increment, self.space), work
 
     def state_now(self, certificate: Certificate | None, iterations: int) -> State:
         """What there is now."""

@@ -312,10 +312,8 @@ def line_search(
     increment to them, ghosts included, and F at the owned unknowns.
     """
     old, increment, residual = at
-    moved = fem.Function(linear.u.function_space)
-    moved.x.array[:] = increment
-    comm, owned = moved.function_space.mesh.comm, len(residual)
-    internal, turning, on_tools = linear.internal(moved)
+    comm, owned = linear.space.mesh.comm, len(residual)
+    internal, turning, on_tools = linear.internal(increment)
     ahead = np.where(linear.prescribed[0][:owned], 0.0, increment[:owned])
 
     def along(forces: Array) -> float:

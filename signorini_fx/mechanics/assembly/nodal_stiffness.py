@@ -28,11 +28,10 @@ class JointStiffness:
     nodes: npt.NDArray[np.int64]  # global numbers, shape (m,)
     matrix: sp.csr_array  # force per length, shape (m d, m d)
 
-    def times(self, displacement: fem.Function) -> Array:
+    def times(self, displacement: Array, space: fem.FunctionSpace) -> Array:
         """Its forces at the owned nodes, shape (owned nodes * d,); collective."""
-        space = displacement.function_space
         index_map, dim = space.dofmap.index_map, space.dofmap.index_map_bs
-        owned = displacement.x.array.reshape(-1, dim)[: index_map.size_local]
+        owned = displacement.reshape(-1, dim)[: index_map.size_local]
         forces = (self.matrix @ from_owners(owned, self.nodes, space.mesh.comm).ravel()).reshape(-1, dim)
         here = (self.nodes >= index_map.local_range[0]) & (self.nodes < index_map.local_range[1])
         at_owned = np.zeros((index_map.size_local, dim))
@@ -81,13 +80,12 @@ class NodalStiffness:
         np.add.at(sums, position, blocks)
         return cls(each.astype(np.int64), sums, joint)
 
-    def times(self, displacement: fem.Function) -> Array:
+    def times(self, displacement: Array, space: fem.FunctionSpace) -> Array:
         """The forces of a displacement at the unknowns of this rank, shape (owned dofs,); collective."""
-        space = displacement.function_space
         dim, owned = self.blocks.shape[1], space.dofmap.index_map.size_local
         forces = np.zeros((owned, dim))
-        forces[self.nodes] = np.einsum("nij,nj->ni", self.blocks, displacement.x.array.reshape(-1, dim)[self.nodes])
-        return np.asarray(sum((joint.times(displacement) for joint in self.joint), forces.ravel()))
+        forces[self.nodes] = np.einsum("nij,nj->ni", self.blocks, displacement.reshape(-1, dim)[self.nodes])
+        return np.asarray(sum((joint.times(displacement, space) for joint in self.joint), forces.ravel()))
 
     def add_to(self, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_] | None = None) -> None:
         """Add it to the assembled matrix of a form on the same space, without rows and columns that are ``fixed``,
