@@ -160,8 +160,8 @@ def slide(
     rows = normals[alone].ravel(), components.ravel(), dim * ends
     normal_rows = sp.csr_array(rows, shape=(points.size, dim * count)) - pieces.rows
     gap = np.where(partnered, pieces.gap, reach)
-    frames, rows = Frames(both, tangents, partnered), (normal_rows, tangent_rows)
-    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, *rows, centre, found.covered, pieces)
+    frames, maps = Frames(both, tangents, partnered), (normal_rows, tangent_rows)
+    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, *maps, centre, found.covered, pieces)
 
 
 def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:
