@@ -61,17 +61,15 @@ class ContactTangent:
     """
 
     def __init__(self, matrix: PETSc.Mat, contact: ContactMap) -> None:
-        self._comm = contact.points.comm
-        self._weight = contact.points.weight[:, None, None]
+        self._matrix, self._contact = matrix, contact
         self.inserted: dict[int, Nodal] = {}
         self.factorised: dict[int, Nodal] = {}
-        self._law, self._products, self._matrix = contact.law, contact.products, matrix
 
     def create(self) -> PETSc.Mat:
         """A matrix to insert blocks into, so far A; collective."""
         if not is_by_blocks(self._matrix):
             return self._matrix.duplicate(copy=True)
-        added = self._products[-1].copy()
+        added = self._contact.products[-1].copy()
         added.zeroEntries()
         return with_added(self._matrix, added)
 
@@ -79,13 +77,14 @@ class ContactTangent:
         """Put A + B^T D B into a matrix that ``create`` made, or a copy of A, if it is not there; D: stress per length,
         shape (n, d, d); whether it is that of the last factorisation; collective.
         """
+        points = self._contact.points
         earlier_blocks = [table.get(matrix.handle) for table in (self.inserted, self.factorised)]
         differ = [old is None or bool((old != blocks).any()) for old in earlier_blocks]
-        changed, since = [int(count) for count in parallel.global_sum(self._comm, np.array(differ, dtype=np.int64))]
+        changed, since = [int(count) for count in parallel.global_sum(points.comm, np.array(differ, dtype=np.int64))]
         if changed > 0:
             self.inserted[matrix.handle] = blocks
-            operator, law, half, product = self._products
-            self._law(self._weight * blocks, law).matMult(operator, result=half)
+            operator, law, half, product = self._contact.products
+            self._contact.law(points.weight[:, None, None] * blocks, law).matMult(operator, result=half)
             operator.transposeMatMult(half, result=product)
             if is_by_blocks(matrix):
                 change_added(matrix, product)

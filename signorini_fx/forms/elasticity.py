@@ -46,14 +46,9 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
-def digest(form: fem.Form) -> tuple[int, ...]:
-    """The ``hashes`` of what a form is assembled from on this rank."""
-    return hashes(*compat.form_data(form), form.mesh.geometry.x)
-
-
-def hashes(*arrays: npt.NDArray[Any]) -> tuple[int, ...]:
-    """By the key of this process."""
-    return tuple(hash(values.tobytes()) for values in arrays)
+def digest(form: fem.Form, *arrays: npt.NDArray[Any]) -> tuple[int, ...]:
+    """Hashes, by the key of this process, of what a form is assembled from on this rank, and of other arrays."""
+    return tuple(hash(values.tobytes()) for values in (*compat.form_data(form), form.mesh.geometry.x, *arrays))
 
 
 def elastic_body(

@@ -22,7 +22,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, defaults, refuse_exchanged, refused
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, hashes, natural_modulus, scales_of
+from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, natural_modulus, scales_of
 from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts, settings_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
@@ -62,7 +62,6 @@ class FormSolver:
     data: list[FoundationData]  # at the nodes, as they are now
     unshifted: RegularisedData  # displacements counted from the initial position
     prescribed: tuple[npt.NDArray[np.bool_], Array]  # dofs of this rank, ghosts included, and to what, shapes (dofs,)
-    _of_form: tuple[int, ...]  # the digest of ``a``
     _checkpoint: Any  # the iterate at the beginning of the last solve
 
     def __init__(
@@ -188,10 +187,9 @@ class FormSolver:
         at_rest = self.foundations.at_rest(fixed, values)
         rigid = self.rigid = self.foundations.rigid_bodies
         driven = self.driven = rigid.driven()
-        self._of_form = digest(self.forms.compiled[0])
         fingerprints = (
-            self._of_form + hashes(fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
-            digest(self.forms.compiled[1]) + hashes(values, driven.forces, driven.motion, rigid.stiffness),
+            digest(self.forms.compiled[0], fixed, at_rest, *geometry, rigid.fixed, *self._beside()),
+            digest(self.forms.compiled[1], values, driven.forces, driven.motion, rigid.stiffness),
         )
         last, self._last_pattern = self._last_pattern, None  # until all that follows has gone well
         if last is None or parallel.any_rank(comm, fingerprints[0] != last[0]):
@@ -218,12 +216,13 @@ class FormSolver:
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         elastic = self.elastic = self._body(fixed[:owned], boundary)
         forms = self.forms
-        if parallel.any_rank(space.mesh.comm, self._of_form != self._last_modulus[0]):
+        stated = forms.stress is not None or forms.original[0] is not None  # all that a modulus is known from
+        fingerprint = digest(forms.compiled[0]) if stated else ()
+        if parallel.any_rank(space.mesh.comm, fingerprint != self._last_modulus[0]):
             modulus = natural_modulus(forms.stress, forms.original[0], forms.measures, space)
-            self._last_modulus = self._of_form, modulus
+            self._last_modulus = fingerprint, modulus
         self.scales = scales_of(elastic, boundary, self.foundations.facets, self._last_modulus[1])
         case, data = self._case(values), self._point_data(shapes)
-        laws = [contact.friction for contact in self.forms.contact if contact.friction is not None]
         self.task = elastic.task(
             [case],
             np.ones(1),
@@ -232,7 +231,7 @@ class FormSolver:
             natural_gamma=self.scales.gamma,
             coordinate_error=self.scales.coordinate_error,
             history=self.history,
-            has_coulomb=any(law.follows_pressure for law in laws),
+            has_coulomb=any(contact.friction and contact.friction.follows_pressure for contact in forms.contact),
         )
         return data
 
@@ -249,13 +248,11 @@ class FormSolver:
 
     def _case(self, values: Array) -> LoadCase:
         """The right-hand side, with prescribed displacements, ghosts included, shape (dofs,); collective."""
-        function = fem.Function(self.space)
-        function.x.array[:] = values
         forces, lifted = self._forces(values)
         for name, entries in (("bcs", values), ("L", forces)):
             if parallel.any_rank(self.space.mesh.comm, not np.isfinite(entries).all()):
                 raise FormError([(name, "is not finite somewhere")])
-        return self.elastic.case(forces, function, self.driven, lifted=lifted)
+        return self.elastic.case(forces, values, self.driven, lifted=lifted)
 
     def _body(self, fixed: npt.NDArray[np.bool_], boundary: ContactBoundary) -> ElasticBody:
         points = boundary if self.contact else None

@@ -165,12 +165,7 @@ class ElasticBody:
         if self.mixed is None:
             definite = self.definite
             return SystemSize(self.comm, self.dofs, across, retained, held, self.compressible, definite=definite)
-        operator = self.contact.operator
-        touched, (_, columns, values) = operator.createVecRight(), operator.getValuesCSR()
-        touched.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
-        touched.assemble()
-        held_in_contact = self.prescribed | (touched.getArray(readonly=True) > 0)
-        enclosed = retained > 0 and self.mixed.encloses(self.vector, held_in_contact)
+        enclosed = retained > 0 and self.mixed.encloses(self.vector, self.prescribed | self.contact.touched)
         return SystemSize(self.comm, self.dofs, across, retained, held, False, definite=False, enclosed=enclosed)
 
     @shared_in("of_body")
@@ -327,7 +322,7 @@ class ElasticBody:
     def case(
         self,
         forces: Array,
-        prescribed: fem.Function,
+        prescribed: Array,
         driven: Driven | None = None,
         pushing: Array | None = None,
         pressure_load: Array | None = None,
@@ -336,16 +331,13 @@ class ElasticBody:
         """The right-hand side of an ``AppliedLoad``, whose prescribed displacements are lifted; ``lifted``: what of
         these is not in the forces yet, None: all.
         """
-        comm, dim = self.comm, self.dimension
-        prescribed_values, fixed = prescribed.x.array[: forces.size], self.prescribed
-        start = self.vector(prescribed_values)
-        if parallel.any_rank(comm, bool(prescribed_values.any())):
-            nearest = nearest_motion(
-                self.motions, self.fixed.reshape(-1, dim), prescribed_values.reshape(-1, dim), self.turned, comm
-            )
+        comm, dim, fixed, start = self.comm, self.dimension, self.prescribed, self.vector(prescribed)
+        if parallel.any_rank(comm, bool(prescribed.any())):
+            owned = prescribed[: forces.size].reshape(-1, dim)
+            nearest = nearest_motion(self.motions, self.fixed.reshape(-1, dim), owned, self.turned, comm)
             free = self.vector(self.motions.of_pieces(nearest)).getArray(readonly=True)
             start.getArray()[~fixed] = free[~fixed]
-        load = self.vector(forces - self.forces_of(prescribed.x.array if lifted is None else lifted))
+        load = self.vector(forces - self.forces_of(prescribed if lifted is None else lifted))
         if self.mixed is not None:
             load.getArray()[self._held.size :] = self.mixed.lifted(prescribed, pressure_load)
         if driven is not None:
@@ -518,7 +510,7 @@ class Model(ElasticBody):
         return tuple(map(self._case, self.applied))
 
     def _case(self, load: AppliedLoad) -> LoadCase:
-        return self.case(load.forces, load.prescribed, load.driven, load.pushing, load.pressure_load)
+        return self.case(load.forces, load.prescribed.x.array, load.driven, load.pushing, load.pressure_load)
 
     def load(self, system: ElasticSystem, step: float) -> Array:
         """Give a system the loads that depend on the time as they are at a place, and return the factors of all loads,

@@ -74,7 +74,6 @@ class SemismoothNewton:
         self.problem = problem
         self.history = history
         self.x = x
-        self._residual = x.duplicate()
         self.start_time = time.perf_counter()
         self.max_iterations = settings.max_iterations
         self._settings = settings
@@ -92,7 +91,7 @@ class SemismoothNewton:
         symmetric, snes = self._symmetric, PETSc.SNES().create(self.problem.points.comm)
         snes.setOptionsPrefix(petsc_options.PREFIX)
         snes.setType(PETSc.SNES.Type.NEWTONLS)
-        snes.setFunction(weakly(self.problem.residual), self._residual)
+        snes.setFunction(weakly(self.problem.residual), self.x.duplicate())
         jacobian = self.problem.create_jacobian(symmetric=symmetric)
         snes.setJacobian(weakly(self._assemble_jacobian), jacobian)
         snes.setTolerances(rtol=NO_FORCE, max_it=self.max_iterations)

@@ -68,6 +68,15 @@ class ContactMap:
         self._force.getArray()[self.fixed] = 0.0
         force.axpy(1.0, self._force)
 
+    @property
+    def touched(self) -> npt.NDArray[np.bool_]:
+        """Which unknowns of this rank contact can act on; collective."""
+        _, columns, values = self.operator.getValuesCSR()
+        mark = self.operator.createVecRight()
+        mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
+        mark.assemble()
+        return np.asarray(mark.getArray(readonly=True) > 0)
+
     def after(self, change: PETSc.Mat, fixed: npt.NDArray[np.bool_]) -> ContactMap:
         """The map of a system in other unknowns x~ with x = ``change`` x~; collective."""
         lift = None if self.lift is None else change.transposeMatMult(self.lift)  # of an orthogonal change

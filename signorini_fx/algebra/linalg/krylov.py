@@ -90,12 +90,7 @@ class KrylovSystem(ElasticSystem):
     @cached_property
     def _touched(self) -> npt.NDArray[np.int64]:
         """The unknowns of this rank that contact can act on, ascending; prescribed ones left out."""
-        operator = self.contact.operator
-        _, columns, values = operator.getValuesCSR()
-        mark = operator.createVecRight()
-        mark.setValues(columns[values != 0], np.ones(np.count_nonzero(values)))
-        mark.assemble()
-        touched = np.array(mark.getArray(readonly=True) > 0)
+        touched = self.contact.touched
         touched[touched.size - self.elasticity.rigid :] = True
         return np.flatnonzero(touched & ~self.contact.fixed)
 

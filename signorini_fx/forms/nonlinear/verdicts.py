@@ -58,13 +58,13 @@ class Stability:
 
     def _inertia(self) -> tuple[int, str] | None:
         """Negative directions of the derivative of F: how many, and where one is largest; None: unknown; collective."""
-        size = self.linear.elastic.system_size()
-        if not enough_memory(size.comm, factor_memory(size.unknowns, size.dimension)):
+        elastic, mesh = self.linear.elastic, self.linear.space.mesh
+        if not enough_memory(mesh.comm, factor_memory(elastic.dofs, mesh.topology.dim)):
             return None
         tangents, values = self.tangents, self.residual.u.x.array.copy()
         led = tangents.given and self.leads(values)
         tangent = tangents.leading if led else tangents.derivative
-        if not led and not is_derivative(tangent, self.residual, values, ~self.linear.elastic.fixed):
+        if not led and not is_derivative(tangent, self.residual, values, ~elastic.fixed):
             return None
         self.linear.bend()
         return self._negative(tangent)

@@ -251,10 +251,10 @@ class MixedLaw(SceneLaw):
         displacements = embedding(rotation, stiffness, matrix)
         return matrix, displacements, displacements
 
-    def lifted(self, prescribed: fem.Function, pressure_load: _Floats | None = None) -> _Floats:
+    def lifted(self, prescribed: _Floats, pressure_load: _Floats | None = None) -> _Floats:
         """The load at the unknowns of the pressure, -B y_D, with the ``pressure_load`` of an ``AppliedLoad``."""
         displacement, divergences = self.divergence.createVecs()
-        displacement.getArray()[:] = prescribed.x.array[: displacement.getLocalSize()]
+        displacement.getArray()[:] = prescribed[: displacement.getLocalSize()]
         self.divergence.mult(displacement, divergences)
         lifted = -np.array(divergences.getArray(readonly=True))
         return lifted if pressure_load is None else lifted - self.unit * pressure_load
