@@ -142,9 +142,7 @@ class RegularisedProblem:
         self.affine = (self.points.dimension == 2 or data.bound is None) and not curved
         moved = self.system.start.copy()
         moved.getArray()[self.system.contact.fixed] = 0.0
-        self._lifted = None if moved.norm() == 0.0 else self.system.load.duplicate()
-        if self._lifted is not None:
-            self.system.matrix.mult(moved, self._lifted)
+        self._lifted = None if moved.norm() == 0.0 else self.system.matrix * moved
         self._load_size = self._acting(self.system.load)
         self._escaping: tuple[Escape | None] | None = None
         self._forced_first = first_sets is not None

@@ -101,9 +101,7 @@ def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmet
     generator = np.random.default_rng(matrix.comm.rank)
     for vector in (x, y):
         vector.getArray()[:] = generator.standard_normal(vector.getLocalSize())
-    forces, forces_of_y = x.duplicate(), x.duplicate()
-    matrix.mult(x, forces)
-    matrix.mult(y, forces_of_y)
+    forces, forces_of_y = matrix * x, matrix * y
     size = forces.norm()
     if not np.isfinite(size):
         raise MatrixError([("a", NOT_FINITE)])
@@ -116,20 +114,13 @@ def check_energy(matrix: PETSc.Mat, owned: int, *, definite: bool = True, symmet
         raise MatrixError([("a", NOT_POSITIVE)])
 
 
-def scales_of(
-    body: ElasticBody,
-    boundary: ContactBoundary,
-    facets: Sequence[npt.NDArray[np.int32]],
-    modulus: float | None = None,
-) -> Scales:
-    """Size of a body, and its modulus, the scale of gamma; collective.
+def modulus_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[npt.NDArray[np.int32]]) -> float:
+    """The modulus of a body, the scale of gamma, by its stiffness; collective.
 
-    Where it is not known: without contact it is a geometric mean of what nodes meet that move alone, E h^(d - 2); else
-    that of the stiffness near the contact points.  A point that moves alone strains cells, of the size l along
-    the boundary and h across it: per area it meets about E (1 / h + h / l^2).
+    Without contact it is a geometric mean of what nodes meet that move alone, E h^(d - 2); else that of the stiffness
+    near the contact points.  A point that moves alone strains cells, of the size l along the boundary and h across it:
+    per area it meets about E (1 / h + h / l^2).
     """
-    if modulus is not None:
-        return Scales(body.space.mesh.topology.dim, modulus, body.diameter)
     space, diagonal = body.space, body.stiffness.getDiagonal()
     if body.relative is not None:  # what turning normals do to rigid bodies is no stiffness of the body
         diagonal.getArray()[body.fixed.size :] = 0.0
@@ -142,8 +133,7 @@ def scales_of(
         totals = parallel.global_sum(
             boundary.comm, np.array([(values.sum(), values.size) for values in logarithms]).ravel()
         )
-        modulus = float(np.exp(totals[0] / max(totals[1], 1.0) - totals[2] / totals[3]))
-        return Scales(dim, modulus, body.diameter)
+        return float(np.exp(totals[0] / max(totals[1], 1.0) - totals[2] / totals[3]))
     if "met" not in body.of_mesh:
         body.of_mesh["met"] = _met_at_nodes(space, boundary, np.concatenate(list(facets)))
     stiffness = body.contact.stiffness(diagonal)
@@ -152,7 +142,7 @@ def scales_of(
     weights, compliance = parallel.global_sum(
         boundary.comm, np.array([weight.sum(), weight @ (unit / stiffness[moves])])
     )
-    return Scales(dim, float(weights / compliance), body.diameter)
+    return float(weights / compliance)
 
 
 def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: npt.NDArray[np.int32]) -> Array:

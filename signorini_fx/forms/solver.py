@@ -22,7 +22,7 @@ from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
 from signorini_fx.algebra.linalg.petsc_options import PREFIX, defaults, refuse_exchanged, refused
 from signorini_fx.errors import FormError
-from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, natural_modulus, scales_of
+from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, modulus_of, natural_modulus
 from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts, settings_of
 from signorini_fx.machine import parallel
 from signorini_fx.machine.petsc_objects import free_unused
@@ -221,7 +221,9 @@ class FormSolver:
         if parallel.any_rank(space.mesh.comm, fingerprint != self._last_modulus[0]):
             modulus = natural_modulus(forms.stress, forms.original[0], forms.measures, space)
             self._last_modulus = fingerprint, modulus
-        self.scales = scales_of(elastic, boundary, self.foundations.facets, self._last_modulus[1])
+        if (modulus := self._last_modulus[1]) is None:
+            modulus = modulus_of(elastic, boundary, self.foundations.facets)
+        self.scales = Scales(space.mesh.topology.dim, modulus, elastic.diameter)
         case, data = self._case(values), self._point_data(shapes)
         self.task = elastic.task(
             [case],

@@ -328,9 +328,7 @@ class ElasticBody:
         pressure_load: Array | None = None,
         lifted: Array | None = None,
     ) -> LoadCase:
-        """The right-hand side of an ``AppliedLoad``, whose prescribed displacements are lifted; ``lifted``: what of
-        these is not in the forces yet, None: all.
-        """
+        """Of an ``AppliedLoad``; ``lifted``: prescribed displacements that are not in its forces yet, None: all."""
         comm, dim, fixed, start = self.comm, self.dimension, self.prescribed, self.vector(prescribed)
         if parallel.any_rank(comm, bool(prescribed.any())):
             owned = prescribed[: forces.size].reshape(-1, dim)
@@ -403,9 +401,7 @@ class ElasticBody:
         if self.mixed is not None:
             function = self.mixed.displacement(x.getArray(readonly=True)[self._held.size :])
         if self.rotation is not None:
-            y = self.rotation.createVecLeft()
-            self.rotation.mult(x, y)
-            x = y
+            x = self.rotation * x
         function.x.array[: x.getLocalSize()] = x.getArray(readonly=True)
         function.x.scatter_forward()
         return function
@@ -442,10 +438,8 @@ class ElasticBody:
         """``forces_of`` what is free of a displacement, where nothing is prescribed, without turned supports, by the
         stiffness: cheaper than an integration over all cells.
         """
-        y = self.vector(values)
-        product = y.duplicate()
-        self.stiffness.mult(y, product)
-        return np.array(product.getArray(readonly=True)[: self.fixed.size])
+        forces = self.stiffness * self.vector(values)
+        return np.array(forces.getArray(readonly=True)[: self.fixed.size])
 
     def unknowns(self, function: fem.Function) -> PETSc.Vec:
         """The unknowns x of a finite element function, the inverse of ``function``."""

@@ -67,8 +67,8 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
         system.contact.add_forces(traction[:, 0], traction[:, 1:], force)
         return force
 
-    first, stretched = solved_again(newton, -contact_force(newton.x, data.gap, data.slip_origin)), newton.x.duplicate()
-    system.matrix.mult(first, stretched)
+    first = solved_again(newton, -contact_force(newton.x, data.gap, data.slip_origin))
+    stretched = system.matrix * first
     energy = stretched.dot(first)
     # The pole is a mean stiffness at the contact nodes, below the largest one: often too small to be seen beside gamma.
     reach, stiffness = data.gamma_n, system.contact.stiffness(system.matrix.getDiagonal())

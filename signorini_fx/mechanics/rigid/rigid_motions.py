@@ -227,10 +227,8 @@ def without_energy(motions: RigidMotions, matrix: PETSc.Mat, vector: Callable[[_
     moved, forces = [], []
     for motion in np.eye(motions.free.shape[1]):
         x = vector(motions.displacement(np.asarray(motion)))
-        force = x.duplicate()
-        matrix.mult(x, force)
         moved.append(x.getArray(readonly=True))
-        forces.append(force.getArray(readonly=True))
+        forces.append((matrix * x).getArray(readonly=True))
     rows, size = np.array(moved), np.abs(matrix.getDiagonal().getArray(readonly=True))
     products = np.stack((rows @ np.array(forces).T, (rows * size) @ rows.T))
     energy, scale = parallel.global_sum(matrix.comm.tompi4py(), products)

@@ -178,12 +178,11 @@ def judged(
         return Certificate(equilibrium=max(unbalanced, volume), unjudged=unjudged, lost=lost, **figures)
     nodes = ContactNodes.of(contact, tractions)
     at = nodes.pieces(pieces.piece)
-    of_both = np.concatenate(at)
     figures["coupling"] = max((pair.error() for pair in contact.pairs.values()), default=0.0)
 
     def largest(values: Nodal) -> Nodal:
         """Of the points of each piece, from either side."""
-        return pieces.largest(np.concatenate((values, values)), of_both)
+        return pieces.largest(np.concatenate((values, values)), np.concatenate(at))
 
     drawn, moved = np.zeros(contact.boundary.size), [motion for motion, _ in rigid]
     for motion in moved:
