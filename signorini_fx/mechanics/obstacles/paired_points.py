@@ -30,6 +30,7 @@ from signorini_fx.mechanics.pairs.pair_side import (
     Overlap,
     PairSurface,
     along_vectors,
+    components,
     in_blocks,
     turned_normals,
 )
@@ -345,7 +346,6 @@ class PairedSides:
         sides, coupling, dim, relative = self.sides, self.coupling, self.sides.slave.surface.dimension, self.relative
         lift = coupling.lift(sides.slave.surface).tocoo()
         reached = np.unique(np.concatenate((relative.indices // dim, lift.row)))
-        components = (dim * reached[:, None] + np.arange(dim)).ravel()
         lifting = sp.csr_array((lift.data, (lift.row, lift.col)), shape=(sides.nodes.size, coupling.nodes.size))
         averages = Averages(
             coupling.both[:, reached],
@@ -354,7 +354,7 @@ class PairedSides:
             sides.fixed[reached],
             coupling.centre,
             lifting[reached],
-            relative[:, components],
+            relative[:, components(reached, dim)],
         )
         return sides.points_at(coupling.nodes, coupling.weight, coupling.normal, averages)
 

@@ -34,14 +34,7 @@ from scipy.spatial import cKDTree
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.pairs.dual_functions import carried, constrained, dual_coefficients, extended
 from signorini_fx.mechanics.pairs.overlap import plane_overlap, space_overlap, turned
-from signorini_fx.mechanics.pairs.pair_side import (
-    Overlap,
-    PairSurface,
-    in_rows,
-    scaled_rows,
-    turning_of,
-    without_round_off,
-)
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, in_rows, turning_of, without_round_off
 from signorini_fx.mechanics.pairs.search import Parts, default_reach
 from signorini_fx.tuned import CERTIFICATE_TOLERANCE, DEEPEST_OVERLAP, NEGLIGIBLE, SAME_LENGTH, SAME_NUMBER
 
@@ -100,7 +93,7 @@ class Coupling:
         one, but for hats.  Sparse, shape (nodes of the slave, n).
         """
         # A test function meets the function of its own node, on quadratic triangles the hat, and no other one.
-        values, met = slave.tests.values(slave.functions.places), sp.lil_array((len(slave.x), len(slave.x)))
+        values, met = slave.functions.tests.values(slave.functions.places), sp.lil_array((len(slave.x), len(slave.x)))
         rows, columns = np.repeat(slave.nodes, values.shape[1], axis=1), np.tile(slave.points, len(values))
         met[rows, columns] = np.broadcast_to(values.ravel(), rows.shape)
         points = sp.csr_array(met.tocsc()[:, self.nodes])
@@ -147,12 +140,12 @@ class Tested:
     @cached_property
     def tests(self) -> Array:
         """What the functions are made of at the points of the overlap, shape (p, q, t)."""
-        return self.slave.tests.values(self.overlap.at)
+        return self.slave.functions.tests.values(self.overlap.at)
 
     @cached_property
     def coefficients(self) -> Array:
         """Of the functions of the points on each facet of the slave, shape (f, t, t)."""
-        if self.bonded and self.slave.tests is not self.slave.functions:
+        if self.bonded and self.tests.shape[2] < self.slave.nodes.shape[1]:
             return np.tile(np.eye(self.tests.shape[2]), (len(self.slave.nodes), 1, 1))
         return dual_coefficients(self.tests, self.overlap, len(self.slave.nodes))
 
@@ -177,9 +170,9 @@ class Tested:
     @cached_property
     def shapes(self) -> tuple[Array, Array]:
         """The functions of both sides at the points of the overlap, shapes (p, q, k) and (p, q, l)."""
-        slave = self.slave
-        on_slave = self.tests if slave.tests is slave.functions else slave.functions.values(self.overlap.at)
-        return on_slave, self.master.functions.values(self.overlap.over)
+        slave, master = self.slave.functions, self.master.functions
+        on_slave = self.tests if slave.tests is slave else slave.values(self.overlap.at)
+        return on_slave, master.values(self.overlap.over)
 
     @cached_property
     def distance(self) -> Array:
@@ -191,9 +184,9 @@ class Tested:
         """From integrals of the functions on all pieces to means of points with such shares of them, shape (n, N):
         sparse, shape (n, p t).
         """
-        weight = shares @ self.areas
-        factors = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
-        return scaled_rows(factors, shares)[:, self.slave.points[self.overlap.slave].ravel()]
+        mean = shares[:, self.slave.points[self.overlap.slave].ravel()]
+        mean.data /= np.repeat(shares @ self.areas, np.diff(mean.indptr))
+        return mean
 
     def products(self) -> tuple[sp.csr_array, sp.csr_array]:
         """Integrals of the functions on all pieces times those of both sides, and the areas over which they see the
@@ -281,11 +274,14 @@ def couple(
 
 
 def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bool = False) -> Coupling:
-    """The map of both sides at nodes that take over such shares of functions; zero at those that take none."""
+    """The map of both sides at nodes that take over such shares of functions; those that take none are alone."""
     slave, master = tested.slave, tested.master
+    alone, count = np.diff(shares.indptr) == 0, len(slave.x) + len(master.x)
+    ends = np.append(0, np.cumsum(alone))
+    itself = sp.csr_array((np.ones(ends[-1]), nodes[alone], ends), shape=(nodes.size, count))
     mean, half, products = tested.mean(shares), 0.0 if nominal else 0.5, tested.products()
     distance = mean @ (tested.weighted.swapaxes(1, 2) @ tested.distance).reshape(mean.shape[1], slave.dimension)
-    both, arms = without_round_off(mean @ products[0]), mean @ products[1]
+    both, arms = without_round_off(mean @ products[0]) + itself, mean @ products[1]
     centre = both @ np.concatenate((slave.x, np.zeros_like(master.x))) + half * distance
     turning = turning_of(arms, (slave.x, master.x), (half * distance, (1.0 - half) * distance))
     weight, first, covered = shares @ tested.areas, len(slave.x), float(tested.area.sum())

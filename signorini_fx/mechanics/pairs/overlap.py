@@ -90,7 +90,7 @@ def turned(slave: PairSurface, directions: Array) -> float:
 
 def _along(side: PairSurface, parts: Parts, directions: Array) -> tuple[Array, Array]:
     """The direction of projection at the middle of each part, and the tangent of its angle to the normal."""
-    shape = side.tests.values(parts.reference.mean(axis=1))
+    shape = side.functions.tests.values(parts.reference.mean(axis=1))
     along = np.einsum("pt,ptd->pd", shape, directions[side.points[parts.facet]])
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     normal = parts.normal

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from itertools import product
-from typing import Any
 
 import basix
 import numpy as np
@@ -27,7 +26,7 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-# Degrees of quadrature for integrals over one side alone, by the nodes of a facet: exact on affine facets.
+# Degree of quadrature for areas of one side alone: exact on affine facets.
 _DEGREE = 8
 
 _quadrature = cache(basix.make_quadrature)
@@ -61,11 +60,11 @@ class Lagrange:
     def _monomials(self, at: Array, along: int | None = None) -> Array:
         """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
         factors = list[Array]()
-        for axis, power in enumerate(self._exponents.T):
+        for axis, power in enumerate(self._exponents.T.tolist()):
             s = at[..., axis, None]
             ones = np.ones_like(s)
             powers = (0.0 * s, ones, 2.0 * s) if axis == along else (ones, s, s * s)
-            factors.append(np.concatenate(powers[: self.degree + 1], axis=-1)[..., power])
+            factors.append(np.concatenate([powers[k] for k in power], axis=-1))
         return factors[0] if len(factors) == 1 else factors[0] * factors[1]
 
     def values(self, at: Array) -> Array:
@@ -93,8 +92,7 @@ class Lagrange:
         kind = basix.CellType.interval
         if self.places.shape[1] == 2:
             kind = basix.CellType.triangle if self.simplex else basix.CellType.quadrilateral
-        points, weights = _quadrature(kind, degree)
-        return np.asarray(points), np.asarray(weights)
+        return _quadrature(kind, degree)
 
     @cached_property
     def tests(self) -> Lagrange:
@@ -102,6 +100,14 @@ class Lagrange:
         come first; else the functions themselves.
         """
         return Lagrange(self.places[:3]) if self.places.shape == (6, 2) else self
+
+    @cached_property
+    def tested_slopes(self) -> tuple[Array, Array]:
+        """For the integrals of test functions times normals: values with weights, and slopes, at the points of a rule,
+        shapes (q, t) and (d - 1, q, k).
+        """
+        points, weights = self.rule(2 * self.degree + 2)
+        return self.tests.values(points) * weights[:, None], self.slopes(points)
 
     @cached_property
     def linear(self) -> Lagrange:
@@ -180,14 +186,9 @@ class PairSurface:
         return np.asarray(self.x[self.nodes])
 
     @property
-    def tests(self) -> Lagrange:
-        """What the test functions are dual to."""
-        return self.functions.tests
-
-    @property
     def points(self) -> Indices:
         """Numbers of the nodes of each facet that test functions belong to, shape (f, t)."""
-        return self.nodes[:, : len(self.tests.places)]
+        return self.nodes[:, : len(self.functions.tests.places)]
 
     def normals(self, facets: Indices, at: Array) -> Array:
         """Outward normals times the area (in 2D: length) of a unit of the reference facet at points of some facets,
@@ -221,7 +222,7 @@ class PairSurface:
             return self.undeformed._areas
         points, weights = self.functions.rule(_DEGREE)
         sizes, area = self.sizes(np.arange(len(self.nodes)), points[None]) * weights, np.zeros(len(self.x))
-        np.add.at(area, self.points, sizes @ self.tests.values(points))
+        np.add.at(area, self.points, sizes @ self.functions.tests.values(points))
         return area, sizes.sum(axis=1)
 
     @property
@@ -252,9 +253,9 @@ class PairSurface:
     @cached_property
     def moments(self) -> Array:
         """The integrals of the outward normal times the test function of each node, shape (N, d)."""
-        points, weights = self.functions.rule(_DEGREE)
-        tests, moments = self.tests.values(points) * weights[:, None], np.zeros(self.x.shape)
-        np.add.at(moments, self.points, tests.T @ self.normals(np.arange(len(self.nodes)), points[None]))
+        (tests, slopes), moments = self.functions.tested_slopes, np.zeros(self.x.shape)
+        normals = across(slopes[:, None] @ self.corners) * self.sign[:, None, None]
+        np.add.at(moments, self.points, tests.T @ normals)
         return moments
 
     def in_planes(self, vectors: Array, nodes: Indices) -> Array:
@@ -268,9 +269,7 @@ class PairSurface:
     @cached_property
     def turning(self) -> Array:
         """How displacements of the nodes of each facet turn ``nodal_normals`` there, shape (f, t, k, d, d)."""
-        functions, dim = self.functions, self.dimension
-        at, weights = functions.rule(2 * functions.degree + 2)
-        tests, slopes = self.tests.values(at) * weights[:, None], functions.slopes(at)
+        (tests, slopes), dim = self.functions.tested_slopes, self.dimension
         if dim == 2:
             turning = (tests.T @ slopes[0])[None, :, :, None, None] * np.array([[0.0, 1.0], [-1.0, 0.0]])
         else:
@@ -289,10 +288,10 @@ class PairSurface:
         """``nodal_normals``, and between the vertices of quadratic triangles the means of those at both, of length one;
         zero at nodes of no facet, shape (N, d).
         """
-        if len(self.tests.places) == len(self.functions.places):
+        if len(self.functions.tests.places) == len(self.functions.places):
             return self.nodal_normals
         directions = np.zeros(self.x.shape)
-        directions[self.nodes] = self.tests.values(self.functions.places) @ self.nodal_normals[self.points]
+        directions[self.nodes] = self.functions.tests.values(self.functions.places) @ self.nodal_normals[self.points]
         size = np.linalg.norm(directions, axis=1, keepdims=True)
         return np.divide(directions, size, out=np.zeros_like(directions), where=size > 0)
 
@@ -324,14 +323,6 @@ class Overlap:
         return Overlap(*(parallel.gather_rows(comm, getattr(self, entry.name)) for entry in fields(self)))
 
 
-def scaled_rows(factors: Array, matrix: Any) -> sp.csr_array:
-    """Rows of a matrix times factors, shape (n,); what a factor of zero leaves is no entry."""
-    scaled = sp.csr_array(matrix, copy=True)
-    scaled.data *= np.repeat(factors, np.diff(scaled.indptr))
-    scaled.eliminate_zeros()
-    return scaled
-
-
 def summed(shape: tuple[int, int], *parts: tuple[Array, Indices, Indices]) -> sp.csr_array:
     """Values with their rows and columns, of each part broadcast to one shape, added up: sparse."""
     flat = ([entry.ravel() for entry in np.broadcast_arrays(*part)] for part in parts)
@@ -346,6 +337,11 @@ def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
     (count, rows, entries), indices = values.shape, np.repeat(columns, values.shape[1], axis=0)
     ends = np.arange(0, values.size + 1, entries)
     return sp.csr_array((values.ravel(), indices.ravel(), ends), shape=(count * rows, width))
+
+
+def components(nodes: Indices, dimension: int) -> Indices:
+    """Those of vectors at nodes, shape (..., k): numbers, shape (..., d k)."""
+    return (dimension * nodes[..., None] + np.arange(dimension)).reshape(*nodes.shape[:-1], dimension * nodes.shape[-1])
 
 
 def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
@@ -364,13 +360,6 @@ def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
     rows = sp.bsr_array((values, blocks.indices, blocks.indptr), shape=shape).tocsr()
     rows.eliminate_zeros()
     return rows
-
-
-def placed_rows(matrix: sp.csr_array, places: Indices, count: int) -> sp.csr_array:
-    """The rows at places, ascending, among so many."""
-    ends = np.zeros(count + 1, dtype=matrix.indptr.dtype)
-    ends[places + 1] = np.diff(matrix.indptr)
-    return sp.csr_array((matrix.data, matrix.indices, ends.cumsum()), shape=(count, matrix.shape[1]))
 
 
 def without_round_off(matrix: sp.csr_array) -> sp.csr_array:

@@ -29,13 +29,7 @@ import scipy.sparse as sp
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
-from signorini_fx.mechanics.pairs.pair_side import (
-    PairSurface,
-    along_vectors,
-    in_blocks,
-    placed_rows,
-    turned_normals,
-)
+from signorini_fx.mechanics.pairs.pair_side import PairSurface, along_vectors, components, in_blocks, turned_normals
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
 
 Array = npt.NDArray[np.float64]
@@ -116,7 +110,7 @@ class SlidingCoupling:
         pressed = self.pieces.stiffness(self.weight * pressure, 0.0 * shears if symmetric else shears)
         if not shear.any():
             return pressed
-        turns = self._turning(shears).T @ self.normal_rows
+        turns = self._turning(shears).T.tocsr() @ self.normal_rows
         return pressed - (turns + turns.T)
 
     def _turning(self, along: Array) -> sp.csr_array:
@@ -141,27 +135,23 @@ def slide(
     assert directions is not None
     tested = whole.moving
     nodes, shares = carried_evenly(slave, tested.covered, tested.areas, tested.movable)
-    at, dim = np.searchsorted(points, nodes), slave.dimension
-    found = coupled(tested, points, placed_rows(shares, at, points.size))
-    partnered = np.zeros(points.size, dtype=bool)
-    partnered[at] = True
-    # A point alone is where its node is.
-    alone, ends, count = np.flatnonzero(~partnered), np.cumsum(np.append(0, ~partnered)), len(slave.x) + len(master.x)
-    itself = sp.csr_array((np.ones(alone.size), points[alone], ends), shape=(points.size, count))
-    met = partnered[:, None]
-    weights = np.where(partnered, found.weight, slave.area[points])
-    normals = np.where(met, found.normal, slave.nodal_normals[points])
-    centre, tangents = np.where(met, found.centre, slave.x[points]), tangents_of_points(slave, points, normals)
-    both = found.both + itself
+    partnered, dim = np.asarray(np.isin(points, nodes)), slave.dimension
+    entries = np.zeros(points.size + 1, dtype=np.int64)
+    entries[1:][partnered] = np.diff(shares.indptr)
+    placed = shares.data, shares.indices, entries.cumsum()
+    found = coupled(tested, points, sp.csr_array(placed, shape=(points.size, shares.shape[1])))
+    normals, both = found.normal, found.both
+    tangents = tangents_of_points(slave, points, normals)
     # Along T_i, with half of the rotations of both sides, see ``mortar_coupling``.
     tangent_rows = along_vectors(tangents, in_blocks(both, dim) + found.turning)
     pieces = SlidingPieces.of(tested, directions, found.mean)
-    components = dim * points[alone, None] + np.arange(dim)
-    rows = normals[alone].ravel(), components.ravel(), dim * ends
-    normal_rows = sp.csr_array(rows, shape=(points.size, dim * count)) - pieces.rows
-    gap = np.where(partnered, pieces.gap, reach)
-    frames, maps = Frames(both, tangents, partnered), (normal_rows, tangent_rows)
-    return SlidingCoupling(slave, master, points, weights, normals, gap, frames, *maps, centre, found.covered, pieces)
+    # A point alone moves with its node.
+    columns, ends = components(points[~partnered], dim), dim * np.append(0, np.cumsum(~partnered))
+    own = sp.csr_array((normals[~partnered].ravel(), columns, ends), shape=(points.size, dim * both.shape[1]))
+    gap, weights = np.where(partnered, pieces.gap, reach), np.where(partnered, found.weight, slave.area[points])
+    frames, rows = Frames(both, tangents, partnered), (own - pieces.rows, tangent_rows)
+    at_points = (points, weights, normals, gap, frames, *rows, found.centre)
+    return SlidingCoupling(slave, master, *at_points, found.covered, pieces)
 
 
 def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> Array:
@@ -170,7 +160,8 @@ def tangents_of_points(slave: PairSurface, points: Indices, normals: Array) -> A
     """
     if slave.dimension == 2:
         return np.stack((-normals[:, 1], normals[:, 0]), axis=1)[:, :, None]
-    outward = slave.displaced(np.zeros_like(slave.x)).nodal_normals[points]
+    assert slave.undeformed is not None
+    outward = slave.undeformed.nodal_normals[points]
     first = axes_across(outward)[:, 0]
     rotation = rotations_at_nodes(slave, points)
     outward, first = (np.einsum("nij,nj->ni", rotation, vectors) for vectors in (outward, first))

@@ -30,6 +30,7 @@ from signorini_fx.mechanics.pairs.overlap import axes_across, clip, counterclock
 from signorini_fx.mechanics.pairs.pair_side import (
     PairSurface,
     along_vectors,
+    components,
     in_blocks,
     in_rows,
     summed,
@@ -148,10 +149,9 @@ class SlidingPieces:
         kinks = self.kinks
         passing = (kinks.share[..., None] * kinks.across[:, None]).reshape(len(kinks.share), dim * kinks.share.shape[1])
         jumps = -np.einsum("vt,vt->v", kinks.functions, nodal[kinks.pieces, :, 0])
-        jumping, parts = np.einsum("v,vi,vj->vij", jumps, passing, passing), list[tuple[Array, Indices, Indices]]()
-        for products, blocks in ((values, self.blocks[touched]), (jumping, kinks.blocks)):
-            at = (dim * blocks[..., None] + np.arange(dim)).reshape(len(blocks), products.shape[1])
-            parts.append((products, at[:, :, None], at[:, None]))
+        jumping = np.einsum("v,vi,vj->vij", jumps, passing, passing)
+        places = components(self.blocks[touched], dim), components(kinks.blocks, dim)
+        parts = ((part, at[:, :, None], at[:, None]) for part, at in zip((values, jumping), places, strict=True))
         joint = summed((self.spread.shape[0],) * 2, *parts)
         return self.spread.T.tocsr() @ joint @ self.spread
 
@@ -186,9 +186,8 @@ class SlidingPieces:
 
     def _at_points(self, mean: sp.csr_array, entries: Array) -> sp.csr_array:
         """The matrix of displacements at the points with these means of integrals, shape (p, i, d c)."""
-        dim = self.facing.shape[2]
-        components = (dim * self.blocks[..., None] + np.arange(dim)).reshape(len(entries), entries.shape[2])
-        return mean @ in_rows(entries, components, self.spread.shape[0]) @ self.spread
+        columns = components(self.blocks, self.facing.shape[2])
+        return mean @ in_rows(entries, columns, self.spread.shape[0]) @ self.spread
 
 
 @dataclass(frozen=True)
@@ -291,7 +290,7 @@ class Kinks:
             turn = np.einsum("vd,vd->v", bent, across) * turns.sum(axis=1)
             projected = projected + slave.sign[facet] * distance * turn
         true = slave.sizes(facet, at[:, None])[:, 0]
-        functions = np.einsum("vij,vj->vi", tested.coefficients[facet], slave.tests.values(at))
+        functions = np.einsum("vij,vj->vi", tested.coefficients[facet], slave.functions.tests.values(at))
         functions *= (jump * lengths * true / np.abs(projected))[:, None]
         turned = count + len(master.x) + projection.numbers[facet]
         blocks = np.column_stack((slave.nodes[facet], count + ends, turned))
