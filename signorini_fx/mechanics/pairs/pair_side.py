@@ -49,9 +49,10 @@ class Lagrange:
         return 2 if (self.places.shape[1], len(self.places)) in ((1, 3), (2, 6), (2, 9)) else 1
 
     @cached_property
-    def _exponents(self) -> npt.NDArray[np.int64]:
+    def _exponents(self) -> list[tuple[int, ...]]:
         powers = [power[::-1] for power in product(range(self.degree + 1), repeat=self.places.shape[1])]
-        return np.array([power for power in powers if not self.simplex or sum(power) <= self.degree])
+        kept = [power for power in powers if not self.simplex or sum(power) <= self.degree]
+        return list(zip(*kept, strict=True))  # of each direction
 
     @cached_property
     def _coefficients(self) -> Array:
@@ -60,7 +61,7 @@ class Lagrange:
     def _monomials(self, at: Array, along: int | None = None) -> Array:
         """The monomials at points of shape (..., d - 1), or their derivatives along one direction, shape (..., k)."""
         factors = list[Array]()
-        for axis, power in enumerate(self._exponents.T.tolist()):
+        for axis, power in enumerate(self._exponents):
             s = at[..., axis, None]
             ones = np.ones_like(s)
             powers = (0.0 * s, ones, 2.0 * s) if axis == along else (ones, s, s * s)
