@@ -56,7 +56,7 @@ class Coupling:
         normal: n_i, from the slave to the master, of length one, shape (n, d).
         distance: d_i, length, shape (n, d).
         both: D and - M, nodes of the slave first, sparse, shape (n, m).
-        mean: see ``Tested``.
+        mean: from integrals of functions on the pieces of the overlap, see ``Tested``.
         first: how many of the nodes are those of the slave.
         turning: (omega_i(u_s) + omega_i(u_m)) x d_i / 2, of sides that are nominally in contact omega_i(u_m) x d_i,
             from the nodes of both sides, those of the slave first, by blocks, sparse, shape (n d, d m).
@@ -164,8 +164,8 @@ class Tested:
     @cached_property
     def areas(self) -> Array:
         """Integrals of the functions of the nodes of the slave, shape (N,)."""
-        sums = self.weighted.sum(axis=1), self.slave.points[self.overlap.slave]
-        return np.bincount(sums[1].ravel(), sums[0].ravel(), minlength=len(self.slave.x)).astype(np.float64)
+        points, integrals = self.slave.points[self.overlap.slave], self.weighted.sum(axis=1)
+        return np.bincount(points.ravel(), integrals.ravel(), minlength=len(self.slave.x)).astype(np.float64)
 
     @cached_property
     def shapes(self) -> tuple[Array, Array]:
