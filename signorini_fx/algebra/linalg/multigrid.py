@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 from petsc4py import PETSc
 
 from signorini_fx.algebra.contact.contact_map import ContactMap
@@ -247,22 +248,14 @@ class ContactLevels:
 
     def _inverse_diagonal(self) -> PETSc.Mat:
         """D^-1, with room for the directions of the nodes in contact that are free to move; collective."""
-        nodes = self.nodes
-        unknowns = self.unknowns[: nodes.starts.size - 1]
-        first, last = self.diagonal.getOwnershipRange()
-        interior = np.ones(last - first, dtype=bool)
-        interior[unknowns] = False
-        counts = np.ones(last - first, dtype=np.int64)
-        counts[unknowns] = np.diff(nodes.starts)
-        starts = np.concatenate(([0], np.cumsum(counts)))
-        columns, values = np.empty(starts[-1], dtype=np.int64), np.zeros(starts[-1])
-        columns[starts[:-1][interior]] = first + np.flatnonzero(interior)
-        values[starts[:-1][interior]] = 1.0 / self.diagonal.getArray(readonly=True)[interior]
-        positions = np.repeat(starts[unknowns] - nodes.starts[:-1], np.diff(nodes.starts)) + np.arange(
-            nodes.columns.size
-        )
-        columns[positions] = first + unknowns[nodes.columns]
-        csr = (starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values)
+        nodes, first = self.nodes, self.diagonal.getOwnershipRange()[0]
+        diagonal, unknowns = self.diagonal.getArray(readonly=True), self.unknowns[: self.nodes.starts.size - 1]
+        interior = np.setdiff1d(np.arange(diagonal.size), unknowns)
+        row = np.concatenate((interior, np.repeat(unknowns, np.diff(nodes.starts))))
+        column = np.concatenate((interior, unknowns[nodes.columns]))
+        values = np.concatenate((1.0 / diagonal[interior], np.zeros(nodes.columns.size)))
+        rows = sp.csr_array((values, (row, column)), shape=(diagonal.size,) * 2)
+        csr = rows.indptr.astype(PETSc.IntType), (first + rows.indices).astype(PETSc.IntType), rows.data
         sizes = self.diagonal.getSizes()
         return row_by_row(PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=self._comm))
 
