@@ -180,7 +180,13 @@ class RegularisedProblem:
             pulled = stiffness * (np.column_stack(self.system.contact.traces(x)) - position)
             pressure, shear = pressure + pulled[:, 0], shear + pulled[:, 1:]
         self.system.matrix.mult(x, f)
-        self._measure(f, x)
+        # The forces are the scale of the residual.  A prescribed row has the value times any factor, no force; beside
+        # it only what is no rigid motion acts.
+        acting = [self._acting(f), self._load_size, ATTAINABLE_SHARE * self._stiffness * x.norm()]
+        if self.system.contact.paired:
+            area = float(np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2))))
+            acting.append(area * self._least_traction(x))
+        self.force_scale = max(acting)
         f.axpy(-1.0, self.system.load)
         self.system.contact.add_forces(pressure, shear, f)
 
@@ -313,15 +319,6 @@ class RegularisedProblem:
 
         sets, escapes, repaired = hold(trial, self.sets, multipliers, self.data, motions, escaping)
         self.next = NextSets(sets, trial, repaired, escapes)
-
-    def _measure(self, forces: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Use the size of the forces A x as the scale of the residual."""
-        # A prescribed row has the value times any factor, no force; beside it only what is no rigid motion acts.
-        acting = [self._acting(forces), self._load_size]
-        if self.system.contact.paired:
-            area = float(np.sqrt(parallel.global_sum(self.points.comm, np.sum(self.points.weight**2))))
-            acting.append(area * self._least_traction(x))
-        self.force_scale = max(*acting, ATTAINABLE_SHARE * self._stiffness * x.norm())
 
     def _acting(self, forces: PETSc.Vec) -> float:
         """Size of forces without those beside a prescribed row, and in it; collective."""

@@ -314,12 +314,14 @@ def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) ->
     plan = planned(scene, goal, comm)
     generated, any_jump = plan.scene.statement.generated, plan.scene.statement.generated and not plan.adaptive
     made = any_jump or isinstance(plan.scene.mesh, MeshFile) or bool(plan.scene.body and not generated)
+    # How many times larger the first cells are: coarse nodes are nodes of the scene's mesh, as where a load jumps.
+    first = float(COARSER_START[plan.scene.element.degree])
     problem = MeshedScene(
         comm=comm,
         history=history,
         scene=plan.scene,
         plan=plan,
-        coarsest=_coarsest_factor(plan.scene),
+        coarsest=min(mesh.coarsest(first) for mesh in plan.scene.meshes) if generated else 1.0,
         polygonal=plan.polygonal,
         remakes=plan.remade,
         in_parts=bool(plan.scene.body),
@@ -330,10 +332,3 @@ def meshes_of(scene: Scene, goal: Accuracy, comm: MPI.Comm, history: History) ->
         kept = "accuracy.refinement = 'uniform' or 'adaptive' keeps those of the scene"
         history.add(f"elements: degree {plan.scene.element.degree}, {how}; {kept}")
     return Meshes(problem, goal, adaptive=plan.adaptive, made=made, any_jump=any_jump)
-
-
-def _coarsest_factor(scene: Scene) -> float:
-    """How many times larger the first cells are; coarse nodes are nodes of the scene's mesh, as where a load jumps."""
-    if not scene.statement.generated:
-        return 1.0
-    return min(mesh.coarsest(float(COARSER_START[scene.element.degree])) for mesh in scene.meshes)

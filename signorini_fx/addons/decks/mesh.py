@@ -147,7 +147,9 @@ class _Reader:
             case "NSET":
                 self._read_set(self.node_sets, parameters["NSET"], block)
                 if "ELSET" in parameters:
-                    self._extend(self.node_sets, parameters["NSET"], self._nodes_of(parameters["ELSET"]))
+                    elements = self._member(self.element_sets, parameters["ELSET"])
+                    nodes = [table[np.isin(table[:, 0], elements), 1:].ravel() for _, _, table in self.element_parts]
+                    self._extend(self.node_sets, parameters["NSET"], _distinct([_NO_NUMBERS, *nodes]))
             case "ELSET":
                 self._read_set(self.element_sets, parameters["ELSET"], block)
             case "SURFACE":
@@ -189,12 +191,6 @@ class _Reader:
         self.element_parts.append((block, kind, table))
         if "ELSET" in block.parameters:
             self._extend(self.element_sets, block.parameters["ELSET"], table[:, 0])
-
-    def _nodes_of(self, name: str) -> Ints:
-        """The numbers of the nodes of a set of elements."""
-        elements = self._member(self.element_sets, name)
-        nodes = [table[np.isin(table[:, 0], elements), 1:].ravel() for _, _, table in self.element_parts]
-        return _distinct([_NO_NUMBERS, *nodes])
 
     def _read_set(self, sets: dict[str, Ints], name: str, block: DeckBlock) -> None:
         name = self._name(name)

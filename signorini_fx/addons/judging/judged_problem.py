@@ -76,7 +76,10 @@ class JudgedProblem:
 def judged_problem(problem: object) -> JudgedProblem:
     """The problem of an input file or of a scene, as ``judge`` takes it."""
     if isinstance(problem, str | Path) and Path(problem).suffix.lower() == ".inp":
-        return _of_deck(Path(problem))
+        file = Path(problem)
+        drafted = draft(file, file)
+        scene, deck = parse_scene_text(drafted.text, file), drafted.deck
+        return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period)
     scene = as_scene(problem)
     mesh = load_mesh(scene, MPI.COMM_SELF)
     check_fits(scene.statement, mesh)
@@ -87,12 +90,6 @@ def judged_problem(problem: object) -> JudgedProblem:
     contacts = [contact.model_copy(update={"contact_size": None}) for contact in scene.contact]  # cells are made
     scene = scene.model_copy(update={"contact": contacts})
     return JudgedProblem(scene, arrays, names)
-
-
-def _of_deck(file: Path) -> JudgedProblem:
-    drafted = draft(file, file)
-    scene, deck = parse_scene_text(drafted.text, file), drafted.deck
-    return JudgedProblem(scene, deck.mesh, deck.names, tuple(drafted.lost), deck.time + deck.period)
 
 
 # --- our solution ----------------------------------------------------------------------------------------------------

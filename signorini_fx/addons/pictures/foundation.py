@@ -41,14 +41,14 @@ class Foundation:
 
     def keeps_shape(self, factor: float, size: float) -> bool:
         """Whether it looks like itself with the gap times a factor; ``size``: of the body, length."""
-        real, drawn = (self._directions(self.drawn(scale)) for scale in (1.0, factor))
+        places = self.drawn(1.0), self.drawn(factor)
+        if self.facets is None:  # along the sides
+            real, drawn = (np.diff(points, axis=0) for points in places)
+        else:
+            real, drawn = (normals_of(points[self.facets]) for points in places)
         lengths = np.linalg.norm(real, axis=1) * np.linalg.norm(drawn, axis=1)
         farther = (factor - 1) * float(np.abs(self.gap).max(initial=0.0))
         return farther <= SMALL_PART * size and bool((np.einsum("ij,ij->i", real, drawn) >= _BENT * lengths).all())
-
-    def _directions(self, points: Floats) -> Floats:
-        """Along the sides in 2D, normals of the facets in 3D."""
-        return np.diff(points, axis=0) if self.facets is None else normals_of(points[self.facets])
 
     def mirrored(self) -> list[Foundation]:
         """In 2D with that on the other side of the axis, which is x[0] = 0, in one line if it begins or ends there."""

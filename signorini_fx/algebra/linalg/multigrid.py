@@ -71,8 +71,6 @@ class Hierarchy:
             below = cls._aggregated(coarse[-1])
             interpolations += below.interpolations
             coarse += below.coarse
-        for level_matrix in coarse:
-            level_matrix.setOption(PETSc.Mat.Option.SPD, True)
         return cls(tuple(interpolations), tuple(coarse), _largest_eigenvalue(matrix))
 
     def with_rigid_bodies(self, free: npt.NDArray[np.bool_], stiffness: npt.NDArray[np.float64]) -> Hierarchy:
@@ -85,8 +83,6 @@ class Hierarchy:
             bordered(by_entries(matrix), all_free, np.maximum(springs, NOTHING_LEFT * matrix.getDiagonal().max()[1]))
             for matrix in self.coarse
         )
-        for level in coarse:
-            level.setOption(PETSc.Mat.Option.SPD, True)
         borders = [all_free if level else free for level in range(len(self.interpolations))]
         interpolations = tuple(bordered(*each, ones) for each in zip(self.interpolations, borders, strict=True))
         return replace(self, interpolations=interpolations, coarse=coarse)
@@ -110,10 +106,7 @@ class Hierarchy:
         solvers = [gamg.getMGSmoother(level) for level in range(finest - 1, 0, -1)]
         if finest:
             solvers.append(gamg.getMGCoarseSolve())
-        coarse = tuple(solver.getOperators()[0] for solver in solvers)
-        for level in coarse:
-            row_by_row(level).setOption(PETSc.Mat.Option.SPD, True)
-        return cls(interpolations, coarse, largest)
+        return cls(interpolations, tuple(solver.getOperators()[0] for solver in solvers), largest)
 
 
 def _coarse_matrix(matrix: PETSc.Mat, interpolation: PETSc.Mat, level: Level) -> PETSc.Mat:

@@ -202,13 +202,8 @@ def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     are eliminated at the end.
     """
     pattern = hash(tuple(values.tobytes() for values in (rows.indptr, rows.indices, inner, positions)))
-    if pattern not in _last_dissected:
-        _last_dissected.clear()
-        _last_dissected[pattern] = _newly_dissected(rows, inner, positions)
-    return _last_dissected[pattern]
-
-
-def _newly_dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
+    if pattern in _last_dissected:
+        return _last_dissected[pattern]
     behind, inner = inner[inner >= len(positions)], inner[inner < len(positions)]
     if not inner.size:
         return behind
@@ -225,7 +220,9 @@ def _newly_dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Nu
     graph = sp.csr_array((np.broadcast_to(1.0, columns.size), columns, ends), shape=(first.size,) * 2)
     when = np.empty(first.size, dtype=np.intp)
     when[_nested_dissection(graph, positions.take(inner[first], axis=0))] = np.arange(first.size)
-    return np.concatenate((inner[np.argsort(when[node], kind="stable")], behind))
+    _last_dissected.clear()
+    _last_dissected[pattern] = np.concatenate((inner[np.argsort(when[node], kind="stable")], behind))
+    return _last_dissected[pattern]
 
 
 def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:

@@ -406,13 +406,10 @@ class MovingPair:
 
     def _at(self, displacement: Array) -> SlidingCoupling:
         """The map at a displacement of the nodes of both sides, shape (m, d)."""
-        sides, (on_slave, on_master) = self.sides, self._of_sides(displacement)
+        sides = self.sides
+        on_slave, on_master = np.split(displacement, [sides.slave.nodes.size])
         slave, master = sides.slave.surface.displaced(on_slave), sides.master.surface.displaced(on_master)
         return slide(slave, master, self.points, self.reach)
-
-    def _of_sides(self, values: Array) -> list[Array]:
-        """Values at the nodes of both sides, of each."""
-        return np.split(values, [self.sides.slave.nodes.size])
 
     @cached_property
     def mine(self) -> npt.NDArray[np.int64]:

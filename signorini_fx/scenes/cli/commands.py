@@ -48,14 +48,6 @@ def _read_scene(options: argparse.Namespace, comm: MPI.Comm, leave_out: str = ""
     return scene
 
 
-def _import_without_help() -> None:
-    """Import matplotlib's base class such that the others compose no help texts, a tenth of the time of a short run."""
-    with suppress(ImportError):
-        from matplotlib.artist import Artist
-
-        Artist._update_set_signature_and_docstring = classmethod(lambda _: None)  # type: ignore[attr-defined]
-
-
 def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Solve a scene and write its results."""
     from signorini_fx.machine import parallel
@@ -95,7 +87,10 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
                 line.erase()
             pictures = False if options.no_pictures else options.picture or True
             if pictures:
-                _import_without_help()
+                with suppress(ImportError):  # without help texts for Python, a tenth of the time of a short run
+                    from matplotlib.artist import Artist
+
+                    Artist._update_set_signature_and_docstring = classmethod(lambda _: None)  # type: ignore[attr-defined]
             summary = files.write_results(solution, folder, fields=fields, pictures=pictures, pdf=options.pdf)
     except KeyboardInterrupt:
         kept = folder is not None and folder.committed

@@ -190,7 +190,10 @@ def from_raw(
     sides = _entities(raw, "boundaries", "exterior facet", corners_of_sides, named, of_facets)
     parts = _entities(raw, "regions", "cell", corners, body, np.arange(len(cells)))
     # If a name is that of facets and of nodes, as in Abaqus, the facets are meant.
-    names, names_of_parts = _from_nodes(raw, renumber, sides.nodes), dict[str, Ints]()
+    names, names_of_parts = dict[str, Ints](), dict[str, Ints]()
+    for label, nodes in raw.node_sets.items():  # the exterior facets with all corners in a set
+        if (within := np.flatnonzero(np.isin(sides.nodes, renumber[nodes]).all(axis=1))).size:
+            names[label] = within
     astray: dict[str, int] = {}
     problems: list[tuple[str, str]] = []
     for entities, chosen, result in ((sides, boundaries, names), (parts, regions, names_of_parts)):
@@ -258,14 +261,6 @@ def _by_number(elements: list[Ints], numbers: list[Ints]) -> dict[int, Ints]:
     found, first = np.unique(values[order], return_index=True)
     parts = np.split(np.concatenate(elements)[order], first[1:])
     return {value: part for value, part in zip(plain(found), parts, strict=False) if value >= 0}
-
-
-def _from_nodes(raw: RawMesh, renumber: Ints, corners: Ints) -> dict[str, Ints]:
-    """Boundaries that are sets of nodes: the exterior facets with all corners in it."""
-    sets = {
-        label: np.flatnonzero(np.isin(corners, renumber[nodes]).all(axis=1)) for label, nodes in raw.node_sets.items()
-    }
-    return {label: facets for label, facets in sets.items() if facets.size}
 
 
 def _no_number(entities: _Entities, numbers: Mapping[int, Ints] | None, value: int, name: str) -> str:
