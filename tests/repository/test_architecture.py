@@ -156,7 +156,8 @@ def test_add_ons_use_no_private_names(room):
     trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in architecture.folder_of(room).glob("*.py")}
     names = {name for tree in trees.values() for name in assigned_names(tree) if name.startswith("_")}
     for path, tree in trees.items():
-        assert {name for name in uses(path, "signorini_fx") if "._" in name.replace(".__version__", "")} == set(), path
+        others = {name.replace(".__version__", "").replace(f"{room}._", "") for name in uses(path, "signorini_fx")}
+        assert {name for name in others if "._" in name} == set(), path
         attributes = (node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute))
         assert {name for name in attributes if name.startswith("_") and not name.endswith("__")} <= names, path
 
