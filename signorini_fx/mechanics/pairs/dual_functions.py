@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface, inverses
+from signorini_fx.mechanics.pairs.pair_side import Overlap, PairSurface
 from signorini_fx.tuned import KEPT_WEIGHT, NEGLIGIBLE, NOTHING_LEFT, SAME_NUMBER, WHOLE_WEIGHT
 
 Array = npt.NDArray[np.float64]
@@ -34,7 +34,8 @@ def dual_coefficients(tests: Array, overlap: Overlap, count: int) -> Array:
     covered = np.zeros(len(mass), dtype=bool)
     covered[overlap.slave] = True
     coefficients = np.zeros_like(mass)
-    coefficients[covered] = mass[covered].sum(axis=2)[:, :, None] * inverses(mass[covered], NOTHING_LEFT)
+    inverse = np.linalg.pinv(mass[covered], rcond=NOTHING_LEFT, hermitian=True)
+    coefficients[covered] = mass[covered].sum(axis=2)[:, :, None] * inverse
     return coefficients
 
 
@@ -140,9 +141,8 @@ def extended(side: PairSurface, nodes: Indices, values: Array) -> Array:
     known: Flags = np.zeros(len(side.x), dtype=bool)
     extension[nodes], known[nodes] = values, True
     while (into := known[of] & ~known[to]).any():
-        reached = to[into]
-        number = np.bincount(reached, minlength=known.size)
-        np.add.at(extension, reached, extension[of[into]] / number[reached, None])
+        number = np.bincount(to[into], minlength=known.size)
+        np.add.at(extension, to[into], extension[of[into]] / number[to[into], None])
         known = known | (number > 0)
     return extension
 

@@ -388,18 +388,11 @@ def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[
     turns, moments = _crossing(r), a[:, None, None] * _crossing(r)
     inertia: Array = np.zeros((count, *turns.shape[1:2] * 2))
     np.add.at(inertia, row, moments @ turns.swapaxes(1, 2))
-    blocks = _crossing(d).swapaxes(1, 2) @ inverses(inertia, SAME_NUMBER)[row] @ moments
+    inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
+    blocks = _crossing(d).swapaxes(1, 2) @ inverse[row] @ moments
     blocks[np.abs(blocks) < ZERO_COMPONENT] = 0.0
     shape = (dim * arms.shape[0], dim * arms.shape[1])
     return sp.bsr_array((blocks, arms.indices, arms.indptr), shape=shape)
-
-
-def inverses(matrices: Array, least: float) -> Array:
-    """Of symmetric matrices, shape (n, k, k), without what has less than such a share of the largest eigenvalue."""
-    values, vectors = np.linalg.eigh(matrices)
-    kept = np.abs(values) > least * np.abs(values).max(axis=1, keepdims=True, initial=0.0)
-    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
-    return np.asarray((vectors * inverse[:, None]) @ vectors.swapaxes(1, 2))
 
 
 def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.csr_array:

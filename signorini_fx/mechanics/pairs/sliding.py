@@ -121,7 +121,12 @@ class SlidingCoupling:
         return turns @ turned_normals(self.slave, self.master) - self.pieces.passing(along)
 
 
-def slide(slave: PairSurface, master: PairSurface, points: Indices, reach: float) -> SlidingCoupling:
+def slide(
+    slave: PairSurface,
+    master: PairSurface,
+    points: Indices,
+    reach: float,
+) -> SlidingCoupling:
     """The map of two deformed sides, see ``PairSurface.displaced``, in 3D of degree 1; ``points``: nodes of the slave
     that have a point, ascending, shape (n,); ``reach``: distance beyond which facets are no partners, length; a
     PairingError: a facet sees two sheets of the master.
@@ -130,8 +135,7 @@ def slide(slave: PairSurface, master: PairSurface, points: Indices, reach: float
     assert directions is not None
     tested = whole.moving
     nodes, shares = carried_evenly(slave, tested.covered, tested.areas, tested.movable)
-    partnered, dim = np.zeros(points.size, dtype=bool), slave.dimension
-    partnered[np.searchsorted(points, nodes)] = True
+    partnered, dim = np.asarray(np.isin(points, nodes)), slave.dimension
     entries = np.zeros(points.size + 1, dtype=np.int64)
     entries[1:][partnered] = np.diff(shares.indptr)
     placed = shares.data, shares.indices, entries.cumsum()
