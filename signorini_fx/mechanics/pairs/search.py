@@ -63,7 +63,9 @@ class Parts(Patches):
         """Those of some facets."""
         parts = side.functions.parts
         facet, reference = np.repeat(facets, len(parts)), np.tile(parts, (len(facets), 1, 1))
-        corners = (side.functions.values(parts) @ side.corners[facets, None]).reshape(facet.size, -1, side.dimension)
+        corners = (side.functions.values(parts) @ side.corners[facets, None]).reshape(
+            facet.size, parts.shape[1], side.dimension
+        )
         linear = side.functions.linear
         normal = across(linear.slopes(linear.places.mean(axis=0)[None])[:, None] @ corners)[:, 0]
         normal *= (side.sign[facet] / np.linalg.norm(normal, axis=1))[:, None]
