@@ -43,6 +43,12 @@ def test_products_of_random_blocks(size):
     np.testing.assert_allclose(y, matrix @ x, rtol=0, atol=1e-14 * size * np.abs(y).max())
 
 
+def test_room_for_contact_is_empty():
+    """Also once tangents have used it."""
+    model = solve(example1(nx=12, coefficient=0.3, linear_algebra="full")).model
+    assert (model.contact.admitted(model.stiffness) - model.stiffness).norm() == 0.0
+
+
 def two_matrices(dimension, comm):
     """A stiffness with random moduli and one end prescribed, and random springs at nodes, by blocks and sparse."""
     mesh = (

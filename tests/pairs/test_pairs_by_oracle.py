@@ -6,6 +6,7 @@ import pytest
 from benchmarks.stability.oracle.mortar import Side, points_of_moved
 from signorini_fx.mechanics.pairs.mortar_coupling import couple
 from signorini_fx.mechanics.pairs.pair_side import Lagrange, PairSurface
+from signorini_fx.mechanics.pairs.search import Parts
 from signorini_fx.mechanics.pairs.sliding import slide
 
 CORNERS = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
@@ -103,6 +104,15 @@ def test_points_at_a_rim():
     assert found.frames.partnered.all()
     assert found.weight[:3] == pytest.approx([0.125, 0.25, 0.25], rel=1e-12)
     assert found.weight.sum() == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("kind", PLACES)
+def test_parts_of_no_facets(kind):
+    """Some ranks have none."""
+    places = np.array(PLACES[kind])
+    x = np.column_stack((places, np.zeros(len(places))))
+    side = PairSurface.of(np.arange(len(x))[None], x, Lagrange(places), np.ones(1))
+    assert [len(Parts.of(side, np.arange(count)).centre) for count in (0, 1)] == [0, len(side.functions.parts)]
 
 
 def test_shears_move_on_with_partners():

@@ -117,22 +117,21 @@ class ContactMap:
 
     @cached_property
     def products(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
-        """B without what is prescribed, and room for D, D B and B^T D B, which is zero so far; collective.  By two
-        products: where rigid bodies move, B has dense columns, with which ``ptap`` takes quadratic time.
+        """B without what is prescribed, and room for D, D B and B^T D B; collective.  By two products: where rigid
+        bodies move, B has dense columns, with which ``ptap`` takes quadratic time.
         """
         free, operator = self.operator.createVecRight(), self.operator.copy()
         free.getArray()[:] = ~self.fixed
         operator.diagonalScale(R=free)
         blocks = self.law(np.ones(self.points.movable.shape))
         half = blocks.matMult(operator)
-        product = operator.transposeMatMult(half)
-        product.zeroEntries()
-        return operator, blocks, half, product
+        return operator, blocks, half, operator.transposeMatMult(half)
 
     def admitted(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """A copy of the matrix with room for B^T D B; collective."""
-        wider = matrix.copy()
-        wider.axpy(1.0, self.products[-1], structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        wider, room = matrix.copy(), self.products[-1]
+        room.zeroEntries()  # it has what the last tangent has left
+        wider.axpy(1.0, room, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return wider
 
     def stiffness(self, diagonal: PETSc.Vec) -> Nodal:

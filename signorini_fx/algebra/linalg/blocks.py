@@ -1,8 +1,9 @@
 """A stiffness of compact blocks, one for each pair of nodes, and the tangent A + C beside it, as PETSc matrices.
 
-The entries stay in the arrays into which the body was assembled; PETSc calls a ``python`` matrix for products.  No
-tangent is a copy of A: what contact adds, C = B^T D B, is a sparse matrix of its own with few rows that are not empty.
-Where rows or entries are needed, for products of matrices or factors, they are copied from the blocks.
+The entries stay in the arrays into which the body was assembled.  PETSc calls a ``python`` matrix for products, whose
+kernel has a copy with one block for both orders of two nodes.  No tangent is a copy of A: what contact adds,
+C = B^T D B, is a sparse matrix of its own with few rows that are not empty.  Where rows or entries are needed, for
+products of matrices or factors, they are copied from the blocks.
 """
 
 from __future__ import annotations

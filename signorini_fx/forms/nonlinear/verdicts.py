@@ -215,9 +215,9 @@ def _within(cells: BodyCells, places: Array, piece: Indices, at: Array, of_node:
     high, low = (reduce(extreme, corners.swapaxes(0, 1)) for extreme in (np.maximum, np.minimum))
     meeting = np.zeros(len(corners), dtype=bool)
     for own in np.unique(piece):  # cells whose boxes meet that of all points of other pieces
-        others = at[of_node != own]
-        if len(others):
-            meeting |= (piece == own) & ((high >= others.min(axis=0)) & (low <= others.max(axis=0))).all(axis=1)
+        x = at[of_node != own]
+        if len(x):
+            meeting |= (piece == own) & ((high >= x.min(axis=0)) & (low <= x.max(axis=0))).all(axis=1)
     near = np.flatnonzero(meeting)
     if not near.size:
         return within
