@@ -146,7 +146,7 @@ def modulus_of(body: ElasticBody, boundary: ContactBoundary, facets: Sequence[np
 
 
 def _met_at_nodes(space: fem.FunctionSpace, boundary: ContactBoundary, facets: npt.NDArray[np.int32]) -> Array:
-    """Means of 1 / h + h / l^2 around the nodes of this rank for linear functions, nan at others; collective."""
+    """Degree times mean of 1 / h + h / l^2 of the facets around each node of this rank, nan without any; collective."""
     mesh, dim, sums = space.mesh, space.mesh.topology.dim, fem.Function(space)
     cells = facet_entities(mesh, facets)[:, 0]
     across = 2 * (dmesh.compute_midpoints(mesh, dim, cells) - dmesh.compute_midpoints(mesh, dim - 1, facets))

@@ -328,7 +328,7 @@ class ElasticBody:
         pressure_load: Array | None = None,
         lifted: Array | None = None,
     ) -> LoadCase:
-        """Of an ``AppliedLoad``; ``lifted``: prescribed displacements that are not in its forces yet, None: all."""
+        """The right-hand side of an ``AppliedLoad``; ``lifted``: what its forces lack of ``prescribed``, None: all."""
         comm, dim, fixed, start = self.comm, self.dimension, self.prescribed, self.vector(prescribed)
         if parallel.any_rank(comm, bool(prescribed.any())):
             owned = prescribed[: forces.size].reshape(-1, dim)
@@ -435,8 +435,8 @@ class ElasticBody:
         return forces if self.beside is None else forces + self.beside.times(values, self.space)
 
     def forces_of_free(self, values: Array) -> Array:
-        """``forces_of`` what is free of a displacement, where nothing is prescribed, without turned supports, by the
-        stiffness: cheaper than an integration over all cells.
+        """``forces_of`` the part of a displacement that is free, right at free unknowns alone, where no support is
+        turned: a product with the stiffness takes less time than an integration over all cells.
         """
         forces = self.stiffness * self.vector(values)
         return np.array(forces.getArray(readonly=True)[: self.fixed.size])

@@ -81,7 +81,7 @@ class ContactBoundary:
         normal: outward unit normal n_i, shape (n, d).
         part: position of the effect in ``statement.contact`` that the node belongs to, shape (n,).
         free: which displacement components are not prescribed, shape (n, d); where points average, at some node.
-        surface: space, facets of this rank and number of each part.
+        surface: of each part the space, the facets of this rank, and its number.
         global_nodes: global number of the node, shape (n,).
         averages: how each point averages the displacement around it.
         axes: the frame of each point that ``free`` is told in, one direction per column, shape (n, d, d).

@@ -325,15 +325,15 @@ class Overlap:
 
 
 def summed(shape: tuple[int, int], *parts: tuple[Array, Indices, Indices]) -> sp.csr_array:
-    """Values with their rows and columns, of each part broadcast to one shape, added up: sparse."""
+    """A sparse matrix, the sum of entries: values, rows and columns, of each part of shapes that are broadcast."""
     flat = ([entry.ravel() for entry in np.broadcast_arrays(*part)] for part in parts)
     values, *places = (np.concatenate(entries) for entries in zip(*flat, strict=True))
     return sp.csr_array((values, places), shape=shape)
 
 
 def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
-    """A matrix with i rows for each of p pieces, of which the columns are, of shape (p, c), from values of shape
-    (p, i, c).
+    """A sparse matrix with i rows for each of p pieces: values of shape (p, i, c), in columns that all rows of a piece
+    have, shape (p, c).
     """
     (count, rows, entries), indices = values.shape, np.repeat(columns, values.shape[1], axis=0)
     ends = np.arange(0, values.size + 1, entries)
@@ -341,7 +341,7 @@ def in_rows(values: Array, columns: Indices, width: int) -> sp.csr_array:
 
 
 def components(nodes: Indices, dimension: int) -> Indices:
-    """Those of vectors at nodes, shape (..., k): numbers, shape (..., d k)."""
+    """The numbers of the components of vectors at nodes, shape (..., k): shape (..., d k)."""
     return (dimension * nodes[..., None] + np.arange(dimension)).reshape(*nodes.shape[:-1], dimension * nodes.shape[-1])
 
 
