@@ -192,7 +192,7 @@ def _symmetrise(values: Array, block: int = 256) -> None:
         values[rows, k + block :] = values[k + block :, rows].T
 
 
-# The last pattern that was dissected, by its hash, with the order: tangents of a nonlinear body have one pattern.
+# The last order, by what tells bodies apart: tangents of a nonlinear body have one pattern, and any order is right.
 _last_dissected: dict[int, Numbers] = {}
 
 
@@ -201,9 +201,9 @@ def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     shape (m,). ``rows``: theirs, with the columns of this rank first; ``positions``: of the first unknowns, the others
     are eliminated at the end.
     """
-    pattern = hash(tuple(values.tobytes() for values in (rows.indptr, rows.indices, inner, positions)))
-    if pattern in _last_dissected:
-        return _last_dissected[pattern]
+    body = hash((rows.indptr.tobytes(), inner.tobytes(), positions.tobytes()))
+    if body in _last_dissected:
+        return _last_dissected[body]
     behind, inner = inner[inner >= len(positions)], inner[inner < len(positions)]
     if not inner.size:
         return behind
@@ -221,8 +221,8 @@ def _dissected(rows: sp.csr_array, inner: Numbers, positions: Array) -> Numbers:
     when = np.empty(first.size, dtype=np.intp)
     when[_nested_dissection(graph, positions.take(inner[first], axis=0))] = np.arange(first.size)
     _last_dissected.clear()
-    _last_dissected[pattern] = np.concatenate((inner[np.argsort(when[node], kind="stable")], behind))
-    return _last_dissected[pattern]
+    _last_dissected[body] = np.concatenate((inner[np.argsort(when[node], kind="stable")], behind))
+    return _last_dissected[body]
 
 
 def _nested_dissection(graph: sp.csr_array, positions: Array) -> Numbers:
