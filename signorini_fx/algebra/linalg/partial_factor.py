@@ -31,6 +31,7 @@ _FACTOR_LU, _FACTOR_CHOLESKY = 1, 2  # MAT_FACTOR_LU and MAT_FACTOR_CHOLESKY of 
 _LU_SYMBOLIC = 25  # MATOP_LUFACTOR_SYMBOLIC
 ERROR_IN_LIBRARY = 76  # PETSC_ERR_LIB
 _ORDER_OF_USER = 1  # INFOG(7)
+_NEGATIVE_PIVOTS = 12  # INFOG(12)
 _SOLVE_INTERIOR_ONLY = 0  # ICNTL(26): the Schur variables are not touched
 _MEMORY = (14, 100)  # ICNTL(14), per cent more than estimated
 _SMALL = 20  # powers of two by which the entries of a load are smaller than those of the matrix
@@ -43,8 +44,11 @@ class PartialFactor:
     load is one row and column more that stay: the factorisation condenses it, and no back substitution is needed.
     ``rows``: of A, shape (n, n or more); ``places``: of each column its place among the ``count`` that stay, -1: it is
     inner, or if it is none of this rank empty; ``positions``: of the first unknowns, from which the order of their
-    elimination is taken, None: minimum degree. ``inner``: the m inner unknowns; ``toward``: A_ic, shape (m, c).
+    elimination is taken, None: minimum degree. ``inner``: the m inner unknowns; ``toward``: A_ic, shape (m, c);
+    ``negative``: how many eigenvalues of A_ii are, once it is factorised.
     """
+
+    negative = 0
 
     def __init__(
         self,
@@ -113,6 +117,7 @@ class PartialFactor:
         call("MatDenseRestoreArrayRead", dense, ctypes.byref(entries))
         _symmetrise(values)
         call("MatMumpsSetIcntl", handle, 26, _SOLVE_INTERIOR_ONLY)
+        self.negative = _infog(handle, _NEGATIVE_PIVOTS)
         return values[:count, :count], (self._sizes / self._unit)[:, None] * values[count:, :count]
 
     def solve(self, right: Array) -> Array:
@@ -140,14 +145,20 @@ def _order_is_taken() -> bool:
     sample = PETSc.Mat().createSBAIJ(
         (3, 3), 1, csr=([0, 2, 3, 4], [0, 2, 1, 2], [1.0, 1.0, 1.0, 0.0]), comm=PETSc.COMM_SELF
     )
-    used = ctypes.c_int()
     try:
         factor = _factorise(sample, 2, in_order=True)
     except PETSc.Error:
         return False
-    call("MatMumpsGetInfog", factor, 7, ctypes.byref(used))
+    used = _infog(factor, 7)
     call("MatDestroy", ctypes.byref(factor))
-    return used.value == _ORDER_OF_USER
+    return used == _ORDER_OF_USER
+
+
+def _infog(factor: ctypes.c_void_p, number: int) -> int:
+    """What MUMPS says of a factorisation."""
+    said = ctypes.c_int()
+    call("MatMumpsGetInfog", factor, number, ctypes.byref(said))
+    return said.value
 
 
 def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_void_p:

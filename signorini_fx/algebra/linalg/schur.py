@@ -36,6 +36,7 @@ class SchurComplement:
         dense: A_cc - A_ci A_ii^-1 A_ic, symmetric, the same on all ranks.
         loads: b_c - A_ci A_ii^-1 b_i of each load, shape (loads, c), the same on all ranks.
         between: of each load what it is to the border, eliminated, shape (loads, border), the same on all ranks.
+        regular: whether A_ii is positive definite.
 
     Raises:
         PETSc.Error: PETSc has no MUMPS, or a factorisation broke down.
@@ -84,6 +85,7 @@ class SchurComplement:
             broken = True
         if parallel.any_rank(self._comm, broken):
             raise PETSc.Error(ERROR_IN_LIBRARY)
+        self.regular = not parallel.any_rank(self._comm, self._factor.negative > 0)
         joint_entries = np.flatnonzero(numbers[between.col] >= 0)
         of_row = numbers[:owned][numbers[:owned] >= 0][between.row[joint_entries]]
         row, column, entry = (

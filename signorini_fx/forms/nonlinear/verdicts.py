@@ -16,7 +16,9 @@ from petsc4py import PETSc
 from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.spatial import cKDTree
 
+from signorini_fx.algebra.linalg.condensed import CondensedSystem
 from signorini_fx.algebra.linalg.factorisation import enough_memory, factor_memory
+from signorini_fx.algebra.regularised import ContactTangent
 from signorini_fx.errors import FormError
 from signorini_fx.forms.nonlinear.linearised import LinearisedProblem, MovingFoundations, State
 from signorini_fx.forms.nonlinear.moving_shapes import turning_of
@@ -46,6 +48,8 @@ class Stability:
 
     def stable(self) -> Status:
         """Whether an equilibrium is stable, by the derivative of F; collective."""
+        if self._holds():
+            return Status.CONVERGED
         if (found := self._inertia()) is None:
             return Status.STABILITY_UNKNOWN
         negative, place = found
@@ -56,15 +60,30 @@ class Stability:
         self._detail = f"it begins at {place}"
         return Status.UNSTABLE
 
+    def _holds(self) -> bool:
+        """Whether the stiffness of the last iteration, condensed, is definite with ``_springs``; collective."""
+        system = self.linear.task.system
+        condensed = isinstance(system, CondensedSystem) and system.schur.regular
+        if not condensed or not self.leads(self.residual.u.x.array.copy()):
+            return False
+        tangent = ContactTangent(system.matrix, system.contact)
+        matrix = tangent.create()
+        tangent.insert(matrix, self._springs / system.contact.points.weight[:, None, None])
+        try:
+            np.linalg.cholesky(parallel.gather_rows(system.comm, matrix.getDenseArray()))
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
     def _inertia(self) -> tuple[int, str] | None:
         """Negative directions of the derivative of F: how many, and where one is largest; None: unknown; collective."""
         elastic, mesh = self.linear.elastic, self.linear.space.mesh
         if not enough_memory(mesh.comm, factor_memory(elastic.dofs, mesh.topology.dim)):
             return None
-        tangents, values = self.tangents, self.residual.u.x.array.copy()
-        led = tangents.given and self.leads(values)
-        tangent = tangents.leading if led else tangents.derivative
-        if not led and not is_derivative(tangent, self.residual, values, ~elastic.fixed):
+        values = self.residual.u.x.array.copy()
+        leads = self.leads(values)
+        tangent = self.tangents.leading if leads else self.tangents.derivative
+        if not leads and not is_derivative(tangent, self.residual, values, ~elastic.fixed):
             return None
         self.linear.bend()
         return self._negative(tangent)
@@ -85,16 +104,33 @@ class Stability:
         return ""
 
     def leads(self, values: Array) -> bool:
-        """Whether the tangent is the derivative of F at values of ``u``: others may lead away; collective."""
-        tangents = self.tangents
-        known = not tangents.given or tangents.trusted
-        return known or is_derivative(tangents.leading, self.residual, values, ~self.linear.elastic.fixed)
+        """Whether the tangent is the derivative of F at values of ``u``: others may lead away; collective.  That of UFL
+        does not see what a function of the user changes.
+        """
+        tangents, residual = self.tangents, self.residual
+        known = tangents.trusted or not (tangents.given or residual.update is not None)
+        return known or is_derivative(tangents.leading, residual, values, ~self.linear.elastic.fixed)
+
+    @property
+    def _largest(self) -> float:
+        """Of the diagonal of the stiffness, force per length; collective."""
+        linear = self.linear
+        diagonal = linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[: linear.elastic.fixed.size]
+        return parallel.largest(linear.space.mesh.comm, np.abs(diagonal), 0.0) or 1.0
+
+    @property
+    def _springs(self) -> Array:
+        """What keeps points in contact and in place, whatever the units, force per length, shape (n, d, d)."""
+        linear, springs = self.linear, turning_of(self.linear.state, self.linear.scales.size)
+        components = np.arange(springs.shape[1])
+        sticks = np.tile(linear.sticks, (components.size - 1, 1)).T
+        held = np.column_stack((linear.state.in_contact, sticks))
+        springs[:, components, components] += HOLDING_STIFFNESS * self._largest * held
+        return springs
 
     def _negative(self, tangent: fem.Form) -> tuple[int, str]:
-        """``negative_directions`` where springs keep points in contact and in place, whatever the units; collective."""
+        """``negative_directions`` with ``_springs``; collective."""
         linear, space, fixed = self.linear, self.linear.space, self.linear.elastic.fixed
-        diagonal = np.abs(linear.elastic.stiffness.getDiagonal().getArray(readonly=True)[: fixed.size])
-        largest = parallel.largest(space.mesh.comm, diagonal, 0.0) or 1.0
         body = linear.body_of(
             tangent,
             linear.state.boundary,
@@ -106,12 +142,9 @@ class Stability:
         )
         matrix, rows = body.stiffness, body.contact.operator
         if linear.contact:
-            state, components = linear.state, np.arange(space.mesh.geometry.dim)
-            springs, sticks = turning_of(state, linear.scales.size), np.tile(linear.sticks, (components.size - 1, 1)).T
-            held = np.column_stack((state.in_contact, sticks))
-            springs[:, components, components] += HOLDING_STIFFNESS * largest * held
-            acts = np.flatnonzero(springs.any(axis=(1, 2)))
-            kept = (held.shape[1] * acts[:, None] + components).ravel() + rows.getOwnershipRange()[0]
+            springs = self._springs
+            acts, dim = np.flatnonzero(springs.any(axis=(1, 2))), space.mesh.geometry.dim
+            kept = (dim * acts[:, None] + np.arange(dim)).ravel() + rows.getOwnershipRange()[0]
             rows = rows.createSubMatrix(PETSc.IS().createGeneral(kept.astype(PETSc.IntType), comm=matrix.comm))
             added = rows.transposeMatMult(block_diagonal(rows, springs[acts]).matMult(rows))
             held_rows = added.getOwnershipRange()[0] + np.flatnonzero(body.prescribed)
@@ -121,7 +154,7 @@ class Stability:
             matrix.axpy(1.0, matrix.transpose(PETSc.Mat()))
             matrix.scale(0.5)
         if linear.loose:  # bodies may move without resistance, so that a small stiffness must hold them
-            matrix.shift(NO_FORCE * largest)
+            matrix.shift(NO_FORCE * self._largest)
         negative, direction = negative_directions(matrix)
         sizes = np.linalg.norm(direction[: fixed.size].reshape(-1, space.mesh.geometry.dim), axis=1)
         rows = np.column_stack((sizes, node_positions(space)[: sizes.size, : space.mesh.geometry.dim]))
