@@ -232,7 +232,13 @@ def test_arguments_are_refused_by_name():
         problem.gradient("moment 0 z", [])
     with pytest.raises(FormError, match=r"of: .* is no result"):
         problem.gradient("torque 0", [])
-    other = ufl.derivative(pressed.F, pressed.u, ufl.TrialFunction(pressed.u.function_space))
-    wrong = pressed.solved(J=1.5 * other, stability=False)
-    with pytest.raises(FormError, match="J: is not the derivative of F"):
-        wrong.gradient(pressed.of[1], [pressed.data["mu"]])
+    other = 1.5 * ufl.derivative(pressed.F, pressed.u, ufl.TrialFunction(pressed.u.function_space))
+    body, u = pressed.data["body"], pressed.u.x.array
+
+    def follows():
+        body.value = 2.0 + 10.0 * np.abs(u).max()
+
+    for changed_by, why in (({"J": other}, "J: is not the derivative of F"), ({"update": follows}, "J: is needed")):
+        wrong = pressed.solved(**changed_by, stability=False)
+        with pytest.raises(FormError, match=why):
+            wrong.gradient(pressed.of[1], [pressed.data["mu"]])

@@ -277,6 +277,8 @@ def linearised_at(solver: EquilibriumSolver, linear: LinearisedProblem) -> tuple
     values = solver.u.x.array.copy()
     residual.go_to(values)
     if not solver.leads(values):
-        raise FormError([("J", "is not the derivative of F at the solution: leave it out, or mend it")])
+        unseen = "is needed: the derivative of F by UFL does not see what update changes"
+        wrong = "is not the derivative of F at the solution: leave it out, or mend it"
+        raise FormError([("J", wrong if solver.tangents.given else unseen)])
     assert solver.last is not None
     return linear.derivative_at(solver.last)
