@@ -148,7 +148,7 @@ def test_state_of_the_material():
 
 def column(coefficient, **options):
     """A column between plates, one of them with friction."""
-    space, side = rectangle([1.0, 8.0], [3, 16], MPI.COMM_SELF)
+    space, side = rectangle([1.0, 8.0], [3, 16], MPI.COMM_WORLD)
     u = fem.Function(space)
     friction = coefficient and Coulomb(coefficient)
     contact = Foundation(side(1, 8.0), shape=PLATE | {"point": (0.0, 8.0)}, friction=friction)
@@ -156,6 +156,7 @@ def column(coefficient, **options):
 
 
 @pytest.mark.one_quick
+@pytest.mark.mpi(slow=True)
 @pytest.mark.parametrize("system", ["full", "condensed"])
 @pytest.mark.parametrize(
     ("friction", "stable", "unstable"), [(1.0, 0.03, 0.1), (1e-3, 0.003, 0.02), (None, 0.003, 0.02)]

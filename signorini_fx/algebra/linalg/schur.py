@@ -139,8 +139,8 @@ class SchurComplement:
         cut = self._cut
         try:
             self._border_factor = cholesky(matrix[:cut, :cut], lower=True, check_finite=False)
-        except np.linalg.LinAlgError:  # not finite, as the solution will not be either
-            self._border_factor = np.full((cut, cut), np.nan)
+        except np.linalg.LinAlgError:  # not definite, on all ranks
+            raise PETSc.Error(ERROR_IN_LIBRARY) from None
         self._across = solve_triangular(self._border_factor, matrix[:cut, cut:], lower=True, check_finite=False)
         return matrix[cut:, cut:] - self._across.T @ self._across if cut else matrix
 

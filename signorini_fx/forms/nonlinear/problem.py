@@ -113,9 +113,9 @@ class NonlinearContactProblem(ProblemOfForms):
             surface, from the state of the last ``commit``.  Where it raises an exception the increment is shortened.
         commit: called by ``advance``: the state at ``u`` is that from which the next step starts.
         petsc_options_prefix, petsc_options, form_compiler_options, jit_options, boundaries: see ``ContactProblem``.
-        stability: whether the inertia of the tangent is looked at after each solve, by a factorisation of its own; then
-            *converged* means that the equilibrium is stable.  The verdict is that of the derivative of ``F``: a ``J``
-            that differs from it, tried by a difference, only leads Newton's method.
+        stability: whether the inertia of the tangent is looked at after each solve, by a factorisation of its own where
+            the last one does not tell; then *converged* means that the equilibrium is stable.  The verdict is that of
+            the derivative of ``F``: a ``J`` that differs from it, tried by a difference, only leads Newton's method.
         max_newton: iterations of Newton's method.
         settings: algorithm, coulomb, ..., see ``SolverSettings``.
 
