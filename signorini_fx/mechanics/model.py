@@ -32,7 +32,12 @@ from signorini_fx.errors import SceneError
 from signorini_fx.machine import parallel
 from signorini_fx.mechanics.assembly.mesh_entities import action, shared_in
 from signorini_fx.mechanics.assembly.pieces import BodyPieces
-from signorini_fx.mechanics.contact_points.contact_boundary import ContactBoundary, block_diagonal, contact_map
+from signorini_fx.mechanics.contact_points.contact_boundary import (
+    ContactBoundary,
+    block_diagonal,
+    contact_map,
+    no_points,
+)
 from signorini_fx.mechanics.elasticity.elastic_law import embedding
 from signorini_fx.mechanics.kinematics.protocol import Kinematics
 from signorini_fx.mechanics.mesh.tagged import TaggedMesh, diameter_of
@@ -149,9 +154,7 @@ class ElasticBody:
     @shared_in("of_contact")
     def at_contact(self) -> FreeMotions:
         """The free motions at the contact points."""
-        if self.boundary is None:
-            return FreeMotions.without_contact(self.comm, self.dimension, self.motions.assembly)
-        return self.motions.at(self.boundary)
+        return self.motions.at(self.boundary or no_points(self.space))
 
     def system_size(self, at_contact: FreeMotions | None = None) -> SystemSize:
         """The figures that decide which kind of elastic system it gets, with free motions at the contact points."""
@@ -294,7 +297,8 @@ class ElasticBody:
     def contact(self) -> ContactMap:
         """B from the unknowns of the stiffness."""
         behind = 0 if self.mixed is None else self.comm.bcast(self.mixed.count, root=self.comm.size - 1)
-        return contact_map(self.boundary, self.prescribed, self.stiffness, self.rotation, self.dimension, behind)
+        boundary = self.boundary or no_points(self.space)
+        return contact_map(boundary, self.prescribed, self.stiffness, self.rotation, behind)
 
     def level(self, coarser: MeshLevel | None = None) -> MeshLevel:
         """Its mesh over coarser ones, of which those are left out that are hardly coarser, or far too coarse."""

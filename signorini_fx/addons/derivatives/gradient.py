@@ -185,7 +185,7 @@ def _map_to(boundary: ContactBoundary, body: ElasticBody) -> ContactMap:
         unchanged = unchanged or np.array_equal(boundary.frames, body_boundary.frames)
     if not parallel.any_rank(body.comm, not unchanged):
         return body.contact
-    return contact_map(boundary, body.prescribed, body.stiffness, body.rotation, body.dimension)
+    return contact_map(boundary, body.prescribed, body.stiffness, body.rotation)
 
 
 @dataclass(frozen=True)

@@ -44,13 +44,6 @@ class ContactMap:
     paired: bool = False
     elsewhere: Nodal | None = None
 
-    @classmethod
-    def without_contact(cls, matrix: PETSc.Mat, fixed: npt.NDArray[np.bool_], dimension: int) -> ContactMap:
-        """That of a body without contact points, with the layout of its matrix; collective."""
-        operator = PETSc.Mat().createAIJ(((0, None), matrix.getSizes()[1]), nnz=0, comm=matrix.comm)
-        operator.assemble()
-        return cls(operator, ContactPoints.none(matrix.comm.tompi4py(), dimension), fixed)
-
     def traces(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """(tau_N y, tau_T y), lengths, shapes (n,) and (n, d - 1); collective."""
         self.operator.mult(x, self._relative)

@@ -16,7 +16,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.nodal_vectors import Nodal
@@ -68,13 +67,6 @@ class FreeMotions:
     assembly: npt.NDArray[np.int64]
     of_point: npt.NDArray[np.int64]
     groups: PointGroups
-
-    @classmethod
-    def without_contact(cls, comm: MPI.Comm, dimension: int, assembly: npt.NDArray[np.int64]) -> FreeMotions:
-        """Those of a body without contact points; ``assembly``: see above; collective."""
-        points = ContactPoints.none(comm, dimension)
-        nothing, groups = np.zeros(0, dtype=np.int64), PointGroups.of(points, points.everywhere[:, None])
-        return cls(points, np.empty((0, dimension, assembly.size)), assembly, nothing, groups)
 
     @cached_property
     def count(self) -> int:

@@ -56,12 +56,6 @@ class ContactPoints:
     x: Nodal
     shared: SharedNodes | None = None
 
-    @classmethod
-    def none(cls, comm: MPI.Comm, dimension: int) -> ContactPoints:
-        """Those of a body without contact."""
-        empty = np.empty((0, dimension, dimension))
-        return cls(comm, empty[:, 0, 0], empty, empty[:, 0])
-
     @cached_property
     def size(self) -> int:
         """Number of contact points on this rank."""

@@ -305,11 +305,10 @@ def segments_of(space: fem.FunctionSpace, facets: npt.NDArray[np.int32], part: i
 
 
 def contact_map(
-    boundary: ContactBoundary | None,
+    boundary: ContactBoundary,
     fixed: npt.NDArray[np.bool_],
     matrix: PETSc.Mat,
     rotation: PETSc.Mat | None,
-    dimension: int,
     behind: int = 0,
 ) -> ContactMap:
     """B from the unknowns of the stiffness, of which some are ``fixed``; ``rotation``: Q, where displacements are
@@ -317,9 +316,7 @@ def contact_map(
     that move; collective.
     """
     columns, total = (matrix if rotation is None else rotation).getSizes()[0]
-    if boundary is None:
-        return ContactMap.without_contact(matrix, fixed, dimension)
-    count, dim = boundary.size, dimension
+    count, dim = boundary.x.shape
     blocks = sp.bsr_array(boundary.averages.operator, blocksize=(dim, dim))
     values = boundary.frames.transpose(0, 2, 1)[np.repeat(np.arange(count), np.diff(blocks.indptr))] @ blocks.data
     at_nodes = values, boundary.averages.nodes[blocks.indices], blocks.indptr
