@@ -22,7 +22,6 @@ from signorini_fx.algebra.contact.active_sets import (
     hold,
     holds,
     law_residual,
-    linearised,
     multipliers,
     release,
     tangent,
@@ -169,7 +168,7 @@ class RegularisedProblem:
         u_n, u_t = self.system.contact.traces(x)
         trial = self.next.trial if self._forced_first else classify(self.sets, u_n, u_t, self.data)
         if self.data.follows is not None:
-            trial = linearised(trial, trial_pressure(u_n, self.data), self.data)
+            trial = replace(trial, line=self.data.follows.line(trial_pressure(u_n, self.data), self.data.bilateral))
         self._hold(trial, lambda: multipliers(self.sets, u_n, u_t, self.data))
         self.imbalance(x, *multipliers(self.next.sets, u_n, u_t, self.data), f)
 

@@ -25,7 +25,7 @@ from pydantic import BaseModel
 from scipy.spatial import cKDTree
 
 from signorini_fx.algebra.algorithms.task import Outcome, Start, Task
-from signorini_fx.algebra.contact.active_sets import ActiveSets, bound_of_sets, release, slope_of_bound
+from signorini_fx.algebra.contact.active_sets import ActiveSets, line_of_bound, release
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, unit
 from signorini_fx.errors import MeshError, SceneError, cannot_be_written
@@ -130,8 +130,8 @@ class MeshCheckpoint:
         nodal["lambda_hat"], nodal["mu_hat"] = data.lambda_hat, _in_space(data.mu_hat, tangents)
         nodal["slip_origin"] = _in_space(data.slip_origin + rest_t, cotangents)
         if data.bound is not None:
-            nodal["bound"] = bound_of_sets(sets, np.zeros(data.bound.size), data)
-            if (slope := slope_of_bound(sets, data)) is not None:
+            nodal["bound"], slope = line_of_bound(sets, data)
+            if data.follows is not None:
                 nodal["coupling"] = slope
         solves, problems, events = marks
         figures = {

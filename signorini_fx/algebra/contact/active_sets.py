@@ -42,8 +42,8 @@ class ActiveSets:
             A_f,-.
         turning: k, stress per length: stiffness of the shear against slip perpendicular to its direction, shape (n,);
             without effect in 2D.
-        line: where a friction bound follows the pressure along a curve, value at zero, stress, and slope of its tangent
-            at the iterate, shapes (n,); None: the law is asked.
+        line: where a friction bound follows the pressure, value at zero, stress, and slope of its tangent at the
+            iterate, shapes (n,); None: that of no pressure.
     """
 
     contact: npt.NDArray[np.bool_]
@@ -92,34 +92,15 @@ class ActiveSets:
         return vectors - inner(self.direction, vectors)[:, None] * self.direction
 
 
-def linearised(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> ActiveSets:
-    """The sets with the tangent of a friction bound that follows the pressure along a curve, or its magnitude where
-    contact is bilateral, at the trial pressure.
-    """
-    if data.follows is None or (data.follows.affine and not data.bilateral.any()):
-        return sets
-    return replace(sets, line=data.follows.line(pressure, data.bilateral))
-
-
-def bound_of_sets(sets: ActiveSets, pressure: Nodal, data: RegularisedData) -> Nodal:
-    """The friction bound, affine in the pressure for fixed sets, stress, shape (n,).
+def line_of_bound(sets: ActiveSets, data: RegularisedData) -> tuple[Nodal, Nodal]:
+    """The friction bound for fixed sets, affine in the pressure: its value at zero, stress, and slope, shapes (n,).
 
     A point that is about to open has a negative pressure for one step, and then its bound may be negative.
     """
     assert data.bound is not None
     if data.follows is None:
-        return data.bound
-    if data.follows.affine and sets.line is None:
-        return data.follows.given + data.follows.coefficient * pressure
-    base, slope = data.follows.line(pressure, data.bilateral) if sets.line is None else sets.line
-    return base + slope * pressure
-
-
-def slope_of_bound(sets: ActiveSets, data: RegularisedData) -> Nodal | None:
-    """The derivative of ``bound_of_sets`` by the pressure, shape (n,); None where the bound is given."""
-    if data.follows is None or (data.follows.affine and sets.line is None):
-        return None if data.follows is None else data.follows.coefficient
-    return data.follows.line(np.zeros(sets.slip.size), data.bilateral)[1] if sets.line is None else sets.line[1]
+        return data.bound, np.zeros_like(data.bound)
+    return sets.line or data.follows.line(np.zeros_like(data.bound), data.bilateral)
 
 
 def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> tuple[Nodal, Nodal]:
@@ -131,7 +112,8 @@ def multipliers(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData)
     pressure = np.where(sets.contact, trial_pressure(u_n, data), 0.0)
     if data.bound is None:
         return pressure, np.zeros_like(u_t)
-    bound = bound_of_sets(sets, pressure, data)
+    at_zero, slope = line_of_bound(sets, data)
+    bound = at_zero + slope * pressure
     trial = trial_shear(u_t, data)
     return pressure, np.where(sets.slip[:, None], sliding_shear(sets, bound, trial, data.gamma_t), trial)
 
@@ -231,8 +213,8 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
     blocks[:, 1:, 1:] = np.where(
         sets.slip[:, None, None], sets.turning[:, None, None] * across, data.gamma_t * identity
     )
-    slope = slope_of_bound(sets, data)
-    if slope is not None:
+    if data.follows is not None:
+        _, slope = line_of_bound(sets, data)
         blocks[:, 1:, 0] = sets.direction * (slope * blocks[:, 0, 0])[:, None]
     return blocks
 
