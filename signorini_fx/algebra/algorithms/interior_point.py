@@ -74,7 +74,7 @@ def interior_point(
     data = replace(data, sigma=np.inf)
     problem.set_data(data)
     try:
-        status = _Programme(newton, data).solve()
+        status = _Programme(newton, data, exact=True).solve()
     except (PETSc.Error, MemoryError) as error:
         status = newton.outcome_of(error)
     if status is Status.CONVERGED:
@@ -98,7 +98,7 @@ def proposed_sets(newton: Newton) -> ActiveSets | None:
     problem, begun = newton.problem, newton.x.copy()
     data, sets = problem.data, problem.sets
     try:
-        proposed = _Programme(newton, data).sets()
+        proposed = _Programme(newton, data, exact=False).sets()
     except (PETSc.Error, MemoryError) as error:
         newton.outcome_of(error)
         proposed = None
@@ -124,10 +124,12 @@ class _Inside:
 
 
 class _Programme:
-    """The interior-point method for one problem; the iterate is that of ``newton``."""
+    """The interior-point method for one problem; the iterate is that of ``newton``; ``exact``: whether linear solves must
+    have full accuracy.
+    """
 
-    def __init__(self, newton: Newton, data: RegularisedData) -> None:
-        self._newton, self._data, self._problem = newton, data, newton.problem
+    def __init__(self, newton: Newton, data: RegularisedData, *, exact: bool) -> None:
+        self._newton, self._data, self._problem, self._exact = newton, data, newton.problem, exact
         self._points, self._comm = newton.problem.points, newton.problem.points.comm
         # Where supports alone decide about the distance, no pressure acts that could be bounded.
         movable = ~self._points.immovable
@@ -146,7 +148,7 @@ class _Programme:
     def solve(self) -> Status:
         """Reduce the products until full steps can end the iteration."""
         newton, problem = self._newton, self._problem
-        at = self._on_a_soft_foundation(exact=True)
+        at = self._on_a_soft_foundation()
         first = 0.0 if at is None else self._product(at)
         for _ in range(newton.max_iterations):
             if at is None:
@@ -158,20 +160,20 @@ class _Programme:
                 return Status.CONVERGED
             if newton.history.exhausted:
                 break
-            step = self._advanced(at, exact=True)
+            step = self._advanced(at)
             at = None if step is None else step[0]
         return Status.MAX_ITERATIONS
 
     def sets(self) -> ActiveSets | None:
         """Reduce the products until the sets settle; None: a solve fails."""
         newton = self._newton
-        at = self._on_a_soft_foundation(exact=False)
+        at = self._on_a_soft_foundation()
         first = 0.0 if at is None else self._product(at)
         if at is not None and first == 0.0:  # no point presses: there is nothing to reduce
             return _sets_of(newton, self._data)
         closed, slip = (np.zeros_like(self._one_sided) for _ in range(2))
         for _ in range(SLOWEST_STEPS):
-            step = None if at is None else self._advanced(at, exact=False)
+            step = None if at is None else self._advanced(at)
             if at is None or step is None:
                 return None
             begin, (at, share) = at, step
@@ -193,7 +195,7 @@ class _Programme:
         remains = np.divide(self._room(end.shear), self._room(begin.shear), out=none + 1.0, where=rubs)
         return presses > opens, rubs & (slides > remains)
 
-    def _on_a_soft_foundation(self, *, exact: bool) -> _Inside | None:
+    def _on_a_soft_foundation(self) -> _Inside | None:
         """Where the body is if all points are tied to a soft foundation, with products that are all the same."""
         data, size, contact = self._data, self._points.dimension - 1, self._problem.system.contact
         soft = data.softer(NEGLIGIBLE * contact.natural_stiffness(self._problem.system.matrix.getDiagonal()))
@@ -206,7 +208,7 @@ class _Programme:
             u_n, u_t = contact.traces(x)
             return trial_pressure(u_n, soft), np.where(rough, trial_shear(u_t, soft), 0.0)
 
-        if not self._moves(*tractions(), blocks, 0, exact=exact):
+        if not self._moves(*tractions(), blocks, 0):
             return None
         pressure, shear = tractions()
         stress = float(parallel.global_sum(self._comm, np.abs(pressure).sum())) / self._number(self._points.everywhere)
@@ -230,11 +232,11 @@ class _Programme:
         products = np.where(self._one_sided, at.pressure * at.opening, 0.0) + at.rate * self._room(at.shear)
         return float(parallel.global_sum(self._comm, products.sum()))
 
-    def _advanced(self, at: _Inside, *, exact: bool) -> tuple[_Inside, float] | None:
+    def _advanced(self, at: _Inside) -> tuple[_Inside, float] | None:
         """The point after a predictor and a corrector, and the share of it; None if a solve fails; collective."""
         x, room = self._newton.x, self._room(at.shear)
         blocks, none = self._blocks(at, room), np.zeros_like(room)
-        ahead = self._direction(at, none, none, blocks, exact=exact)
+        ahead = self._direction(at, none, none, blocks)
         if ahead is None:
             return None
         x.axpy(-1.0, self._change)
@@ -244,16 +246,14 @@ class _Programme:
         normal = target - ahead.pressure * ahead.opening
         turned = inner(at.shear, ahead.shear)
         disc = target + ahead.rate * turned + at.rate * inner(ahead.shear, ahead.shear) / 2
-        step = self._direction(at, normal, disc, blocks, exact=exact)
+        step = self._direction(at, normal, disc, blocks)
         if step is None:
             return None
         share = min(1.0, 0.99 * self._way(at, step))  # of Mehrotra: nearly all of the way to the nearest bound
         x.axpy(share - 1.0, self._change)
         return at.moved(step, share), share
 
-    def _direction(
-        self, at: _Inside, normal_target: Nodal, disc_target: Nodal, blocks: Nodal, *, exact: bool
-    ) -> _Inside | None:
+    def _direction(self, at: _Inside, normal_target: Nodal, disc_target: Nodal, blocks: Nodal) -> _Inside | None:
         """The whole step to two products, to its end the iterate goes; None if the solve fails; collective."""
         data, one, rubs, room = self._data, self._one_sided, self._rubs, self._room(at.shear)
         none, traces = np.zeros_like(room), self._problem.system.contact.traces
@@ -269,7 +269,7 @@ class _Programme:
 
         pressure, shear = answer(normal, across)
         closed = one & (at.pressure > data.stiffness * at.opening)
-        if not self._moves(at.pressure + pressure, at.shear + shear, blocks, np.count_nonzero(closed), exact=exact):
+        if not self._moves(at.pressure + pressure, at.shear + shear, blocks, np.count_nonzero(closed)):
             return None
         w_n, w_t = traces(self._newton.x)
         pressure, shear = answer(normal + w_n - u_n, across + w_t - u_t)
@@ -302,14 +302,14 @@ class _Programme:
             shares.append(np.divide(-values, change, out=np.full_like(c, np.inf), where=where & (change < 0)))
         return -parallel.global_max(self._comm, -float(np.min(shares, initial=np.inf)))
 
-    def _moves(self, pressure: Nodal, shear: Nodal, blocks: Nodal, closed: int, *, exact: bool) -> bool:
+    def _moves(self, pressure: Nodal, shear: Nodal, blocks: Nodal, closed: int) -> bool:
         """Move the iterate by z, (A + B^T D B) z = b - A x - B^T W (lambda, mu), if there is one; collective."""
         newton, problem, change = self._newton, self._problem, self._change
         jacobian, ksp = newton.snes.getJacobian()[0], newton.snes.getKSP()
         problem.imbalance(newton.x, pressure, shear, self._force)
         problem.insert(jacobian, blocks)
         renewed = not problem.unchanged
-        problem.system.keep_factor(ksp, False, problem.force_scale, exact=exact)
+        problem.system.keep_factor(ksp, False, problem.force_scale, exact=self._exact)
         ksp.getPC().setReusePreconditioner(False)
         change.set(0.0)
         with petsc_options.defaults(), unprinted():
