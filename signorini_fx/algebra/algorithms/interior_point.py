@@ -124,9 +124,7 @@ class _Inside:
 
 
 class _Programme:
-    """The interior-point method for one problem; the iterate is that of ``newton``; ``exact``: whether linear solves must
-    have full accuracy.
-    """
+    """The interior-point method for one problem, at the iterate of ``newton``; ``exact``: whether linear solves are."""
 
     def __init__(self, newton: Newton, data: RegularisedData, *, exact: bool) -> None:
         self._newton, self._data, self._problem, self._exact = newton, data, newton.problem, exact
