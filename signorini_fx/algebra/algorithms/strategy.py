@@ -325,7 +325,8 @@ def _either_way(
 
     ways = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
     names = [MONOLITHIC, FIXED_POINT] if monolithic_first else [FIXED_POINT, MONOLITHIC]
-    if law.cap is not None or law.ends_open is not None:  # a jump has no derivative; a cap is left to the fixed point
+    capped = law.cap is not None and not law.laws  # which is left to the fixed point, as a jump has no derivative
+    if capped or law.ends_open is not None:
         names = [FIXED_POINT]
     elif not s.fallbacks:
         names = names if monolithic_first else names[:1]  # the fixed point is the documented fall-back of the other

@@ -32,13 +32,10 @@ class BoundOfPressure(Protocol):
 
 @dataclass(frozen=True)
 class LawAtPoints:
-    """A law at m points, by their numbers, that is not its envelope; ``cap``: no bound exceeds it, stress, shape (m,),
-    None: nothing is known; ``unknown``: what is not known of it, in words.
-    """
+    """A law at m points, by their numbers, that is not its envelope; ``unknown``: what is not known of it, in words."""
 
     law: BoundOfPressure
     points: npt.NDArray[np.int64]
-    cap: Nodal | None
     unknown: str
 
 
@@ -49,7 +46,7 @@ class PointFriction:
     Attributes:
         given: Tresca's g, stress, shape (n,); zero at other points.
         coefficient: Coulomb's F, shape (n,); zero at other points.
-        cap: largest bound, stress, shape (n,), but for the points of ``laws``; None: unlimited.
+        cap: largest bound, stress, shape (n,); None: unlimited.
         ends_open: points whose bound is zero where there is no pressure, shape (n,); None: there are none.
         laws: those whose bound is less than this envelope, the same on all ranks.
     """
@@ -114,19 +111,13 @@ class PointFriction:
         laws = []
         for entry in self.laws:
             kept = np.flatnonzero(~where[entry.points])
-            cap = None if entry.cap is None else entry.cap[kept]
-            laws.append(replace(entry, law=entry.law.at(kept), points=entry.points[kept], cap=cap))
+            laws.append(replace(entry, law=entry.law.at(kept), points=entry.points[kept]))
         given, coefficient = (np.where(where, 0.0, values) for values in (self.given, self.coefficient))
         return replace(self, given=given, coefficient=coefficient, laws=tuple(laws))
 
     def forces(self, weight: Nodal) -> PointFriction:
         """The envelope, which no bound exceeds, with forces for stresses at points with such weights, shape (n,)."""
-        cap = self.cap
-        if any(entry.cap is not None for entry in self.laws):
-            cap = np.full(self.given.size, np.inf) if cap is None else cap.copy()
-            for entry in self.laws:
-                cap[entry.points] = np.inf if entry.cap is None else entry.cap
-        return PointFriction(weight * self.given, self.coefficient, None if cap is None else weight * cap)
+        return PointFriction(weight * self.given, self.coefficient, None if self.cap is None else weight * self.cap)
 
     def line(self, pressure: Nodal, bilateral: npt.NDArray[np.bool_]) -> tuple[Nodal, Nodal]:
         """Value at zero and slope of the tangent of the bound at a pressure, stress and number, shapes (n,); a negative

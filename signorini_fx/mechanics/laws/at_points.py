@@ -28,9 +28,8 @@ def friction_of(law: FrictionLaw | None, count: int) -> PointFriction:
         return PointFriction(zero, zero)
     given, coefficient, cap = law.envelope(zero)
     ends = np.ones(count, dtype=bool) if law.ends_open else None
-    if not law.unknown:
-        return PointFriction(given, coefficient, cap, ends)
-    return PointFriction(given, coefficient, None, ends, (LawAtPoints(law, np.arange(count), cap, law.unknown),))
+    laws = (LawAtPoints(law, np.arange(count), law.unknown),) if law.unknown else ()
+    return PointFriction(given, coefficient, cap, ends, laws)
 
 
 def joined(parts: Sequence[PointFriction], points: Sequence[npt.NDArray[np.int64]]) -> PointFriction:
