@@ -87,16 +87,13 @@ def use_direct(pc: PETSc.PC, unknowns: int, *, symmetric: bool) -> None:
     factor.
     """
     comm = pc.comm.tompi4py()
-    alone = comm.size > 1 and (unknowns <= MOST_CONDENSED_UNKNOWNS or not can_factorise(comm))
-    kind = factor_type(symmetric=symmetric)
-    package = factorisation_package(MPI.COMM_SELF if alone else comm, symmetric=symmetric)
-    if not alone:
-        pc.setType(kind)
-        pc.setFactorSolverType(package)
+    if comm.size == 1 or (unknowns > MOST_CONDENSED_UNKNOWNS and can_factorise(comm)):
+        use_factor(pc, symmetric=symmetric)
         return
     pc.setType(PETSc.PC.Type.REDUNDANT)
     ksp, inner = ctypes.c_void_p(), ctypes.c_void_p()
     call("PCRedundantGetKSP", pc, ctypes.byref(ksp))
     call("KSPGetPC", ksp, ctypes.byref(inner))
-    call("PCSetType", inner, kind.encode())
+    call("PCSetType", inner, factor_type(symmetric=symmetric).encode())
+    package = factorisation_package(MPI.COMM_SELF, symmetric=symmetric)
     call("PCFactorSetMatSolverType", inner, package.encode())

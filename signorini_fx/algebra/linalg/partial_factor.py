@@ -192,10 +192,8 @@ def _factorise(matrix: PETSc.Mat, inside: int, *, in_order: bool) -> ctypes.c_vo
 
 
 def _symmetrise(values: Array, block: int = 256) -> None:
-    """Complete a symmetric matrix of which MUMPS has filled one triangle, in place."""
-    first = next((k for k in range(len(values)) if values[k + 1 :, k].any() or values[k, k + 1 :].any()), 0)
-    if not values[first + 1 :, first].any():
-        values = values.T
+    """Complete a symmetric matrix of which MUMPS has filled the lower triangle, by columns, in place."""
+    values = values.T
     for k in range(0, values.shape[0], block):
         rows = slice(k, k + block)
         lower = np.tril(values[rows, rows])
