@@ -74,7 +74,7 @@ def choose_kind(size: SystemSize, requested: str) -> tuple[str, str]:
         return "full", "the contact does not reach every piece of the body that supports do not hold"
     if size.enclosed:
         return "full", "contact and supports enclose the incompressible body"
-    if requested == "condensed" and size.retained and against_ranks(size) is None and has_package("mumps"):
+    if requested == "condensed" and cannot_condense(size) is None:
         return "condensed", "as asked for"
     if not can_factorise(size.comm):
         return "krylov", "PETSc has no factorisation for more than one rank"
@@ -118,12 +118,8 @@ def krylov_from(size: SystemSize, requested: str) -> float:
 def against_condensing(size: SystemSize) -> str | None:
     """Why the system is not condensed onto the unknowns of the contact boundary; None if it is."""
     retained = size.retained
-    if retained == 0:
-        return "there is no contact"
-    if (ranks := against_ranks(size)) is not None:
-        return ranks
-    if not has_package("mumps"):
-        return "PETSc has no MUMPS"
+    if (why := cannot_condense(size)) is not None:
+        return why
     if petsc_options.user_chooses_solver():
         return "the options choose a linear solver"
     if size.unknowns < FEWEST_CONDENSED_UNKNOWNS:
@@ -138,10 +134,12 @@ def against_condensing(size: SystemSize) -> str | None:
     return None
 
 
-def against_ranks(size: SystemSize) -> str | None:
-    """Why several ranks cannot condense the system; None: they can, or there is one."""
-    if size.comm.size == 1:
-        return None
-    if size.dimension > 2:  # what is between ranks is a surface
+def cannot_condense(size: SystemSize) -> str | None:
+    """Why the system cannot be condensed; None if it can."""
+    if size.retained == 0:
+        return "there is no contact"
+    if size.comm.size > 1 and size.dimension > 2:  # what is between ranks is a surface
         return "more than one rank in 3D"
-    return None if size.definite else "more than one rank, and an indefinite matrix"
+    if size.comm.size > 1 and not size.definite:
+        return "more than one rank, and an indefinite matrix"
+    return None if has_package("mumps") else "PETSc has no MUMPS"
