@@ -20,7 +20,7 @@ from signorini_fx.algebra.contact.active_sets import ActiveSets
 from signorini_fx.algebra.contact.complementarity import RegularisedData
 from signorini_fx.algebra.contact.friction import PointFriction
 from signorini_fx.algebra.linalg import LoadCase
-from signorini_fx.algebra.linalg.petsc_options import PREFIX, defaults, refuse_exchanged, refused
+from signorini_fx.algebra.linalg.petsc_options import defaults, refuse_exchanged, refused
 from signorini_fx.errors import FormError
 from signorini_fx.forms.elasticity import Array, FormBody, digest, elastic_body, modulus_of, natural_modulus
 from signorini_fx.forms.given_forms import GivenForms, conditions_of, model_of, named_parts, settings_of
@@ -319,8 +319,8 @@ def options_applied(prefix: str, problem_options: Mapping[str, Any]) -> Iterator
     wanted = {name: None if value is None else str(value) for name, value in problem_options.items()}
     of_database = PETSc.Options().getAll().items()
     wanted |= {name.removeprefix(prefix): value or None for name, value in of_database if name.startswith(prefix)}
-    refuse_exchanged({name: value or "" for name, value in {**wanted, **PETSc.Options(PREFIX).getAll()}.items()})
     with defaults(wanted):
+        refuse_exchanged()
         try:
             yield
         except PETSc.Error as error:

@@ -60,21 +60,18 @@ def defaults(values: Mapping[str, str | None] = _OF_FACTORS) -> Iterator[None]:
             options.delValue(name)
 
 
-def refuse_exchanged(user_options: Mapping[str, str] | None = None) -> None:
-    """Refuse options with which PETSc would not run the Newton method of this package; names are without the prefix;
-    None: those that are set.
+def refuse_exchanged() -> None:
+    """Refuse options with which PETSc would not run the Newton method of this package.
 
     Raises:
         OptionsError: one of them does so; the message names it.
     """
-    if user_options is None:
-        user_options = {name: value or "" for name, value in PETSc.Options(PREFIX).getAll().items()}
-    for name, value in user_options.items():
+    for name, value in PETSc.Options(PREFIX).getAll().items():
         harmless = _EXCHANGING.get(name, () if name.startswith(_INNER_SOLVER) else None)
-        if harmless is not None and value.lower() not in harmless:
+        if harmless is not None and (value or "").lower() not in harmless:
             raise OptionsError(
-                f"PETSc option {_spelt({PREFIX + name: value})}: it would take the place of the semi-smooth Newton "
-                "method, of its matrix or of its test: leave it out, and choose by solver.algorithm"
+                f"PETSc option {_spelt({PREFIX + name: value or ''})}: it would take the place of the semi-smooth "
+                "Newton method, of its matrix or of its test: leave it out, and choose by solver.algorithm"
             )
 
 
