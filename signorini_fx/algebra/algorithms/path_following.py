@@ -35,13 +35,12 @@ from signorini_fx.tuned import GAMMA_GROWTH, NEGLIGIBLE, NOTABLE
 
 @dataclass(frozen=True)
 class PathModel:
-    """The local model of the path gamma -> y(gamma) at gamma_1 = ``gamma``, with the pole E > -gamma; ``distance``:
-    energy norm of y_inf - y(gamma); ``pressure_distance``: norm of lambda_inf - lambda(gamma) in L2(Gamma_c);
-    ``left_slip``: energy norm of the slip that y_inf still has at stick nodes, which the law excludes.
+    """The local model of the path gamma -> y(gamma) at gamma_1 = gamma; ``reach``: E + gamma > 0 with the pole E;
+    ``distance``: energy norm of y_inf - y(gamma); ``pressure_distance``: norm of lambda_inf - lambda(gamma) in
+    L2(Gamma_c); ``left_slip``: energy norm of the slip that y_inf still has at stick nodes, which the law excludes.
     """
 
-    gamma: float
-    pole: float
+    reach: float
     distance: float
     pressure_distance: float
     left_slip: float
@@ -87,7 +86,7 @@ def path_model(newton: SemismoothNewton, data: RegularisedData) -> PathModel:
     stays = ~sets.slip & (ahead > length(slip) / 2)
     may_slip = np.zeros_like(stays) if data.bound is None else np.isfinite(data.bound)
     left_slip = points.norm(np.sqrt(stiffness) * ahead * (stays & may_slip))
-    return PathModel(data.gamma_n, reach - data.gamma_n, reach * distance, reach * pressure_slope, left_slip)
+    return PathModel(reach, reach * distance, reach * pressure_slope, left_slip)
 
 
 def solved_again(newton: SemismoothNewton, force: PETSc.Vec) -> PETSc.Vec:
@@ -128,7 +127,7 @@ def path_following(
         gamma = largest
         if allowed > 0:
             # Half of the allowed error; otherwise the path would approach the goal slowly from above.
-            wanted = (model.pole + model.gamma) * model.distance / (allowed / 2) - model.pole
+            wanted = model.reach * (model.distance / (allowed / 2) - 1) + data.gamma_n
             gamma = min(max(wanted, GAMMA_GROWTH * data.gamma_n if doubtful else 0.0), largest)
         data = replace(data, gamma_n=gamma, gamma_t=gamma * data.gamma_t / data.gamma_n)
         first_sets, first_iteration = newton.continued_sets(data), 1
