@@ -83,10 +83,10 @@ class ResidualBody(SolidBody):
 
 
 def certified(
-    residual: Array, linear: LinearisedProblem, lost: Array | None = None
+    residual: Array, linear: LinearisedProblem, lost: Array | None = None, tractions: Tractions | None = None
 ) -> tuple[Certificate, ResidualMechanics]:
     """The certificate of the displacement of now, where F is ``residual`` and its round-off ``lost``, forces at the
-    owned unknowns, and what it is of; ``linear``: of the last iteration; collective.
+    owned unknowns, and what it is of; ``linear``: of the last iteration; ``tractions``: else the solver's; collective.
     """
     u, space, scales, (fixed, values) = linear.at, linear.space, linear.scales, linear.prescribed
     forces = residual.reshape(-1, space.mesh.geometry.dim)
@@ -113,7 +113,7 @@ def certified(
                 touching = np.isin(boundary.part, tool.body.parts)
                 moved[touching] += sign * tool.at(boundary.x[touching])
         before = replace(before, moved=moved)
-    rigid, tractions = [*zip(tools.motions, tools.drives(), strict=True)], Tractions.of(linear.state)
+    rigid, tractions = [*zip(tools.motions, tools.drives(), strict=True)], tractions or Tractions.of(linear.state)
     assert linear.outcome is not None
     law = Law(*linear.task.promised(linear.outcome))
     certificate = judged(u, balance, contact, tractions, law=law, before=before, rigid=rigid)
