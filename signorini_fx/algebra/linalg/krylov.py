@@ -77,8 +77,7 @@ class KrylovSystem(ElasticSystem):
             diagonal = e.matrix.getDiagonal().getArray(readonly=True)
             of_bodies = slice(fixed.size - e.rigid, None)
             return Hierarchy.of(nodes, e.level).with_rigid_bodies(~fixed[of_bodies], diagonal[of_bodies])
-        if e.matrix.handle != self.matrix.handle:
-            self._tell(e.matrix)
+        self._tell(e.matrix)
         return Hierarchy.of(e.matrix, e.level)
 
     @cached_property
