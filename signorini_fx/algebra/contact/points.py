@@ -171,8 +171,6 @@ class PointGroups:
 
     def norms(self, values: Nodal) -> Nodal:
         """The norms of ``ContactPoints.norm`` over each group, shape (g,)."""
-        if self.count == 1:
-            return np.array([self.points.norm(values)])
         columns = values[:, None] if values.ndim == 1 else values  # a rank may have no point
         squares = (self.points.weight[:, None] * columns**2).sum(axis=1)
         sums = parallel.sums_by(self.points.comm, self.number, squares[:, None], self.count)
