@@ -33,7 +33,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from signorini_fx.algebra.contact.active_sets import ActiveSets, natural_sets
+from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets
 from signorini_fx.algebra.contact.complementarity import (
     RegularisedData,
     onto_disc,
@@ -59,8 +59,9 @@ Newton = Any  # ``ssn.SemismoothNewton``, which asks for this module
 
 
 def _sets_of(newton: Newton, data: RegularisedData) -> ActiveSets:
+    """The sets of the derivative of (3.3b) and (3.4) at the iterate itself: the primal form, for a given bound only."""
     u_n, u_t = newton.problem.system.contact.traces(newton.x)
-    return natural_sets(u_n, u_t, data)
+    return next_sets(u_n, u_t, 0.0 * u_t, trial_shear(u_t, data), data)
 
 
 def interior_point(

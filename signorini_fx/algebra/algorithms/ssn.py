@@ -10,7 +10,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from signorini_fx.algebra import Settings
-from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier, transmitting
+from signorini_fx.algebra.contact.active_sets import ActiveSets, next_sets, slip_multiplier
 from signorini_fx.algebra.contact.complementarity import RegularisedData, onto_disc, project, slip_of
 from signorini_fx.algebra.contact.nodal_vectors import Nodal, length, unit
 from signorini_fx.algebra.linalg import finite, petsc_calls, petsc_options
@@ -40,8 +40,7 @@ _RENEW, _KEEP = -2, -1
 _TURNS = 6
 _NO_SUCH_FACTOR = 92  # PETSC_ERR_MISSING_FACTOR
 _SNES = PETSc.SNES.ConvergedReason
-# (x, sets, data) of an iterate; None before the first problem.
-Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData | None]
+Checkpoint = tuple[PETSc.Vec, ActiveSets, RegularisedData]  # (x, sets, data) of an iterate
 
 
 class SemismoothNewton:
@@ -295,13 +294,12 @@ class SemismoothNewton:
 
     def checkpoint(self) -> Checkpoint:
         """The iterate with its sets and its problem, for ``restore``."""
-        return self.x.copy(), self.problem.sets, getattr(self.problem, "data", None)
+        return self.x.copy(), self.problem.sets, self.problem.data
 
     def restore(self, checkpoint: Checkpoint) -> None:
         """Go back to an iterate, its sets and its problem."""
         x, sets, data = checkpoint
-        if data is not None:
-            self.problem.set_data(data)
+        self.problem.set_data(data)
         self.problem.sets = sets
         x.copy(self.x)
 
@@ -438,7 +436,9 @@ class SemismoothNewton:
 
     def _counts(self, bound: Nodal, next_bound: Nodal) -> list[int]:
         """Nodes in contact and slipping either way, nodes that change, and what tells the next sets from others."""
-        sets, following = transmitting(self.problem.sets, bound), transmitting(self.problem.next.sets, next_bound)
+        # Points that can transmit no shear count as sticking.
+        sets = self.problem.sets.sticking(~(bound > 0))
+        following = self.problem.next.sets.sticking(~(next_bound > 0))
         side, changed = sets.side, sets.changed(following)
         comm, state = self.problem.points.comm, (following.contact.tobytes(), following.side.tobytes())
         numbers = [np.count_nonzero(mask) for mask in (sets.contact, side > 0, side < 0, changed)]

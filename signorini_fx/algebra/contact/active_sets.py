@@ -135,44 +135,33 @@ def next_sets(u_n: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedDat
     """The active sets from an iterate (y, xi, mu), step 2 of Algorithm (SSN).
 
     A point that ``slips`` by (3.3c) does so in the direction of mu + xi / sigma.  A point whose bound is zero transmits
-    no shear and belongs to the side to which it moves; ``transmitting`` leaves it out.
+    no shear and belongs to the side to which it moves.
     """
     trial = trial_pressure(u_n, data)
-    return _following(trial, data.friction_bound(trial), u_t, xi, mu, data)
-
-
-def _following(trial: Nodal, bound: Nodal, u_t: Nodal, xi: Nodal, mu: Nodal, data: RegularisedData) -> ActiveSets:
-    """``next_sets`` from the trial pressure and the friction bound there."""
     contact = (trial > 0) | data.bilateral
     if data.bound is None:
         return ActiveSets.of(contact, np.zeros_like(u_t))
-    slip = slips(xi, mu, bound, data)
-    return ActiveSets.of(contact, *_directed(slip, mu + xi / data.sigma, u_t, bound, data))
-
-
-def _directed(
-    slip: npt.NDArray[np.bool_], shear: Nodal, u_t: Nodal, bound: Nodal, data: RegularisedData
-) -> tuple[Nodal, Nodal]:
-    """(e, k) of ``ActiveSets``: along the shear where points slip, along the motion where the bound is zero."""
-    motion = slip_of(u_t, data)
-    direction = np.where((bound > 0)[:, None], np.where(slip[:, None], unit(shear), 0.0), unit(motion))
+    bound, motion = data.friction_bound(trial), slip_of(u_t, data)
+    along_shear = np.where(slips(xi, mu, bound, data)[:, None], unit(mu + xi / data.sigma), 0.0)
+    direction = np.where((bound > 0)[:, None], along_shear, unit(motion))
     along = data.gamma_t * inner(direction, motion) + inner(direction, data.mu_hat)
     reach = np.maximum(along, bound)
     where = (reach > 0) & np.isfinite(bound)
-    return direction, data.gamma_t * np.divide(bound, reach, out=np.zeros_like(bound), where=where)
+    turning = data.gamma_t * np.divide(bound, reach, out=np.zeros_like(bound), where=where)
+    return ActiveSets.of(contact, direction, turning)
 
 
 def classify(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
     """The active sets k + 1 from the iterate y^k, which was computed with ``sets``."""
-    trial, pressure = trial_shear(u_t, data), trial_pressure(u_n, data)
-    bound = data.friction_bound(pressure)
+    trial = trial_shear(u_t, data)
     if data.bound is None:
-        return _following(pressure, bound, u_t, trial, trial, data)
+        return next_sets(u_n, u_t, trial, trial, data)
+    bound = data.friction_bound(trial_pressure(u_n, data))
     # At slip points mu is at its bound by construction, also where the pressure has changed sign, or mu its direction.
     shear = sliding_shear(sets, bound, trial, data.gamma_t)
     direction = np.where(inner(shear, shear)[:, None] > 0, unit(shear), sets.direction)
     mu = np.where(sets.slip[:, None], np.where(sets.slip, bound, 0.0)[:, None] * direction, trial)
-    return _following(pressure, bound, u_t, slip_multiplier(sets, mu, u_t, data), mu, data)
+    return next_sets(u_n, u_t, slip_multiplier(sets, mu, u_t, data), mu, data)
 
 
 def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
@@ -190,11 +179,6 @@ def release(sets: ActiveSets, data: RegularisedData) -> ActiveSets:
     first = np.full_like(sets.direction, 1.0 if sets.direction.shape[1] == 1 else 0.0)
     direction = np.where((free & ~sets.slip)[:, None], first, sets.direction)
     return ActiveSets(sets.contact, sets.slip | free, direction, sets.turning, sets.line)
-
-
-def transmitting(sets: ActiveSets, bound: Nodal) -> ActiveSets:
-    """The sets with the points that can transmit no shear put into I_f, for counting and comparing."""
-    return sets.sticking(~(bound > 0))
 
 
 def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
@@ -217,15 +201,6 @@ def tangent(sets: ActiveSets, data: RegularisedData) -> Nodal:
         _, slope = line_of_bound(sets, data)
         blocks[:, 1:, 0] = sets.direction * (slope * blocks[:, 0, 0])[:, None]
     return blocks
-
-
-def natural_sets(u_n: Nodal, u_t: Nodal, data: RegularisedData) -> ActiveSets:
-    """The sets of the derivative of (3.3b) and (3.4) at an iterate itself: the primal form, for a given bound only."""
-    contact = (trial_pressure(u_n, data) > 0) | data.bilateral
-    if data.bound is None:
-        return ActiveSets.of(contact, np.zeros_like(u_t))
-    trial = trial_shear(u_t, data)
-    return ActiveSets.of(contact, *_directed(length(trial) > data.bound, trial, u_t, data.bound, data))
 
 
 def law_residual(sets: ActiveSets, u_n: Nodal, u_t: Nodal, data: RegularisedData) -> Nodal:
@@ -271,28 +246,20 @@ def hold(
     unresisted_points = unresisted[motions.of_point]  # only motions that the sets do not resist
     slipping = _ranked(points, unresisted_points & ~sets.slip & following.slip & able, length(shear) - bound)
     opening = _ranked(points, unresisted_points & sets.contact & ~following.contact, -pressure)
-    for slipping_counts, opening_counts in (True, False), (False, True), (True, True):
-        for share in _shares(max(_count(points, slipping), _count(points, opening))):
-            kept_stick = _least(points, slipping, share) if slipping_counts else ~everywhere
-            kept_contact = _least(points, opening, share) if opening_counts else ~everywhere
-            stick = kept_stick | (kept_contact & able & ~sets.slip)
-            held = replace(following, contact=following.contact | kept_contact).sticking(stick)
+    for candidates, opens in (slipping, False), (opening, True):
+        for share in _shares(_count(points, candidates)):
+            kept = _least(points, candidates, share)
+            held = following.sticking(kept & able & ~sets.slip)
+            held = replace(held, contact=held.contact | kept) if opens else held
             if holds(held, data, motions):
                 return held, None, True
     # The iterate is still far from a solution: hold the body with all nodes that can, and let the next iterates
     # release.
     contact = following.contact | (unresisted_points & sets.contact)
     everything = replace(following, contact=contact).sticking(unresisted_points & contact & able)
-    if holds(everything, data, motions):
-        return everything, None, True
-    if holds(sets, data, motions):
-        return sets, None, True
     # Sets of a problem with another friction bound need not hold it either.
-    return (
-        replace(following, contact=following.contact | unresisted_points).sticking(unresisted_points & able),
-        None,
-        True,
-    )
+    last = replace(following, contact=following.contact | unresisted_points).sticking(unresisted_points & able)
+    return next((held for held in (everything, sets) if holds(held, data, motions)), last), None, True
 
 
 def holds(sets: ActiveSets, data: RegularisedData, motions: FreeMotions) -> bool:
