@@ -115,14 +115,6 @@ def test_no_jump_between_the_slip_sets(state):
     assert (before.direction * after.direction >= 0).all()
 
 
-@given(states())
-def test_large_sigma_is_infinite_sigma(state):
-    """A finite sigma that outweighs every xi gives the sets of the infinite one."""
-    before, u_n, u_t, problem = state
-    finite = classify(before, u_n, u_t, replace(problem, sigma=1e6))
-    assert not finite.changed(classify(before, u_n, u_t, problem)).any()
-
-
 @given(states(), SIGMAS)
 def test_fixed_points_satisfy_the_complementarity_system(state, sigma):
     """For given y the sets settle in three steps, and then (3.3b) and (3.3c) hold, for every sigma: Lemma 4.1."""
