@@ -157,10 +157,8 @@ class RegularisedProblem:
 
     def friction_bounds(self, x: PETSc.Vec) -> tuple[Nodal, Nodal]:
         """The friction bounds of the current and the next sets."""
-        data = self.data
-        u_n, u_t = self.system.contact.traces(x)
-        pressure, _ = multipliers(self.sets, u_n, u_t, data)
-        return data.friction_bound(pressure), data.friction_bound(trial_pressure(u_n, data))
+        trial = trial_pressure(self.system.contact.traces(x)[0], self.data)
+        return self.data.friction_bound(np.where(self.sets.contact, trial, 0.0)), self.data.friction_bound(trial)
 
     @called_back
     def residual(self, snes: PETSc.SNES | None, x: PETSc.Vec, f: PETSc.Vec) -> None:

@@ -68,11 +68,9 @@ class PointFriction:
 
     def derivative(self, pressure: Nodal) -> Nodal:
         """Derivative of the bound by the pressure, at zero that towards larger ones, shape (n,)."""
-        size = np.abs(pressure)
-        slope = self.coefficient
+        size, slope = np.abs(pressure), self.coefficient.copy()
         if self.cap is not None:
             slope = np.where(self.given + self.coefficient * size < self.cap, slope, 0.0)
-        slope = slope.copy() if self.laws else slope
         for entry in self.laws:
             slope[entry.points] = entry.law.derivative(size[entry.points])
         return np.where(pressure < 0, -slope, slope)
@@ -99,15 +97,11 @@ class PointFriction:
 
     def without_pressure(self, where: npt.NDArray[np.bool_]) -> PointFriction:
         """The same where no pressure can act at some points, shape (n,): what the bound there is without one."""
-        if not where.any():
-            return self
         given = np.where(where, self.bound(np.zeros_like(self.given)), self.given)
         return replace(self, given=given, coefficient=np.where(where, 0.0, self.coefficient))
 
     def without_points(self, where: npt.NDArray[np.bool_]) -> PointFriction:
         """The same without friction at some points, shape (n,)."""
-        if not where.any():
-            return self
         laws = []
         for entry in self.laws:
             kept = np.flatnonzero(~where[entry.points])
