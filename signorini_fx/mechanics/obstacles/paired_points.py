@@ -32,6 +32,7 @@ from signorini_fx.mechanics.pairs.pair_side import (
     along_vectors,
     components,
     in_blocks,
+    in_rows,
     turned_normals,
 )
 from signorini_fx.mechanics.pairs.search import default_reach
@@ -104,7 +105,7 @@ def averaged_points(
     area = tested.areas
     mine = np.flatnonzero((area > 0) & side.owned(space))
     own = sp.eye_array(len(surface.x), format="csr")[mine]
-    shares = (tested.mean(own) @ tested.products()[0])[:, : len(surface.x)]
+    shares = (tested.mean(own) @ tested.products())[:, : len(surface.x)]
     reached = np.unique(shares.indices)
     held = from_owners(fixed.reshape(-1, dim).astype(np.float64), side.nodes[reached], comm) > 0
     averages = Averages(shares[:, reached], side.nodes[reached], surface.x[reached], held)
@@ -374,6 +375,7 @@ class MovingPair:
 
     settled: Array
     begun: SlidingCoupling
+    _known: tuple[SlidingCoupling, ContactBoundary] | None = None  # the last map and its points
 
     def __init__(self, sides: FacingSides, reach: float | None) -> None:
         """Two sides, undeformed; ``reach``: None: a default."""
@@ -436,12 +438,17 @@ class MovingPair:
         """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
         across it.
         """
+        if self._known is None or self._known[0] is not self.coupling:
+            self._known = self.coupling, self._boundary()
+        return self._known[1]
+
+    def _boundary(self) -> ContactBoundary:
         sides, coupling, mine, normal = self.sides, self.coupling, self.mine, self.coupling.normal[self.mine]
         dim, on_slave = normal.shape[1], sides.slave.surface.x.size
-        own = np.column_stack((mine, len(self.points) + (dim - 1) * mine[:, None] + np.arange(dim - 1))).ravel()
-        rows = sp.vstack((coupling.normal_rows, coupling.tangent_rows), format="csr")[own]
-        frames = np.concatenate((normal[:, None], self._sliding[mine].swapaxes(1, 2)), axis=1)
-        along, moved = along_vectors(frames, sp.bsr_array(rows, blocksize=(dim, dim))), coupling.frames.both[mine]
+        own = np.column_stack((mine, len(self.points) + (dim - 1) * mine[:, None] + np.arange(dim - 1)))
+        rows = sp.vstack((coupling.normal_rows, coupling.tangent_rows), format="csr")
+        frames = np.concatenate((normal[:, :, None], self._sliding[mine]), axis=2)
+        along, moved = in_rows(frames, own, rows.shape[0]) @ rows, coupling.frames.both[mine]
         averages = Averages(moved, sides.nodes, sides.x, sides.fixed, coupling.centre[mine], between=along)
         # Of translations of the slave alone.
         pushing = np.asarray(coupling.normal_rows[:, :on_slave] @ np.tile(np.eye(dim), (on_slave // dim, 1)))[mine]

@@ -165,7 +165,7 @@ def _taken_over(pairs: Pairs, able: Flags) -> tuple[Indices, sp.csr_array]:
     shares = sp.csr_array((np.ones(nodes.size), nodes, np.arange(nodes.size + 1)), shape=(nodes.size, able.size))
     while (into := done[to] & ~done[of]).any():
         number = np.bincount(of[into], minlength=able.size)
-        entries = 1.0 / number[of[into]], (to[into], of[into])
-        shares = shares + shares @ sp.csr_array(entries, shape=(able.size, able.size))
+        ends = np.append(0, np.bincount(to[into], minlength=able.size).cumsum())
+        shares = shares + shares @ sp.csr_array((1.0 / number[of[into]], of[into], ends), shape=(able.size, able.size))
         done = done | (number > 0)
     return nodes, shares

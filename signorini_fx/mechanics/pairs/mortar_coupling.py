@@ -188,15 +188,15 @@ class Tested:
         mean.data /= np.repeat(shares @ self.areas, np.diff(mean.indptr))
         return mean
 
-    def products(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """Integrals of the functions on all pieces times those of both sides, and the areas over which they see the
-        nodes, sparse, shape (p t, m).
+    def products(self) -> sp.csr_array:
+        """Integrals of the functions on all pieces times those of both sides, and beside them the areas over which they
+        see the nodes, sparse, shape (p t, 2 m).
         """
         products, first = self.weighted.swapaxes(1, 2) @ np.concatenate(self.shapes, axis=2), len(self.slave.x)
         areas = np.broadcast_to(self.overlap.weight.sum(axis=1)[:, None, None], products.shape)
         on_slave, on_master = self.slave.nodes[self.overlap.slave], self.master.nodes[self.overlap.master]
         nodes, count = np.hstack((on_slave, first + on_master)), first + len(self.master.x)
-        return in_rows(products, nodes, count), in_rows(areas, nodes, count)
+        return in_rows(np.concatenate((products, areas), axis=2), np.hstack((nodes, count + nodes)), 2 * count)
 
     @property
     def movable(self) -> Array:
@@ -279,9 +279,10 @@ def coupled(tested: Tested, nodes: Indices, shares: sp.csr_array, *, nominal: bo
     alone, count = np.diff(shares.indptr) == 0, len(slave.x) + len(master.x)
     ends = np.append(0, np.cumsum(alone))
     itself = sp.csr_array((np.ones(ends[-1]), nodes[alone], ends), shape=(nodes.size, count))
-    mean, half, products = tested.mean(shares), 0.0 if nominal else 0.5, tested.products()
+    mean, half = tested.mean(shares), 0.0 if nominal else 0.5
+    products = mean @ tested.products()
     distance = mean @ (tested.weighted.swapaxes(1, 2) @ tested.distance).reshape(mean.shape[1], slave.dimension)
-    both, arms = without_round_off(mean @ products[0]) + itself, mean @ products[1]
+    both, arms = without_round_off(products[:, :count]) + itself, products[:, count:]
     centre = both @ np.concatenate((slave.x, np.zeros_like(master.x))) + half * distance
     turning = turning_of(arms, (slave.x, master.x), (half * distance, (1.0 - half) * distance))
     weight, first, covered = shares @ tested.areas, len(slave.x), float(tested.area.sum())

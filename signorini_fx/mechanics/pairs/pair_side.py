@@ -285,6 +285,18 @@ class PairSurface:
         return np.asarray(across[self.points][:, :, None] @ (turning * self.sign[:, None, None, None, None]))
 
     @cached_property
+    def turning_places(self) -> tuple[Indices, Indices, Indices]:
+        """Of the sparse matrix that sums ``turning``, shape (d N, d N): which entry each value adds to, the columns of
+        the entries, and how many there are in each row.
+        """
+        if self.undeformed is not None:
+            return self.undeformed.turning_places
+        width, (rows, columns) = self.x.size, (components(nodes, self.dimension) for nodes in (self.points, self.nodes))
+        entries, place = np.unique(rows[:, :, None] * width + columns[:, None], return_inverse=True)
+        row, columns = np.divmod(entries, width)
+        return place.ravel(), columns, np.bincount(row, minlength=width)
+
+    @cached_property
     def directions(self) -> Array:
         """``nodal_normals``, and between the vertices of quadratic triangles the means of those at both, of length one;
         zero at nodes of no facet, shape (N, d).
@@ -300,6 +312,14 @@ class PairSurface:
     def facet_areas(self) -> Array:
         """Area (in 2D: length) of each facet, times the measure, shape (f,)."""
         return self._areas[1]
+
+    @cached_property
+    def around(self) -> sp.csr_array:
+        """The area of the facets around a node that are around another one, too, sparse, shape (N, N)."""
+        if self.undeformed is not None:
+            return self.undeformed.around
+        areas, shape = self.facet_areas[:, None, None], (len(self.x), len(self.x))
+        return summed(shape, (areas, self.nodes[:, :, None], self.nodes[:, None]))
 
 
 @dataclass(frozen=True)
@@ -351,6 +371,15 @@ def in_blocks(matrix: sp.csr_array, count: int) -> sp.bsr_array:
     return sp.bsr_array((matrix.data[:, None, None] * np.eye(count), matrix.indices, matrix.indptr), shape=shape)
 
 
+def means_along(vectors: Array, matrix: sp.csr_array) -> sp.csr_array:
+    """What vectors at points, shape (n, d), have of the means that a matrix of nodes makes of vectors there: sparse,
+    shape (n, d m).
+    """
+    dim, values = vectors.shape[1], matrix.data[:, None] * np.repeat(vectors, np.diff(matrix.indptr), axis=0)
+    shape = (matrix.shape[0], dim * matrix.shape[1])
+    return sp.csr_array((values.ravel(), components(matrix.indices, dim), dim * matrix.indptr), shape=shape)
+
+
 def along_vectors(vectors: Array, blocks: sp.bsr_array) -> sp.csr_array:
     """What vectors at points with k others, one per column, shape (n, d, k), have of those that blocks make, which have
     the shape (n d, d m): sparse, shape (n k, d m).
@@ -388,7 +417,10 @@ def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[
     turns, moments = _crossing(r), a[:, None, None] * _crossing(r)
     inertia: Array = np.zeros((count, *turns.shape[1:2] * 2))
     np.add.at(inertia, row, moments @ turns.swapaxes(1, 2))
-    inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
+    if dim == 2:
+        inverse = np.divide(1.0, inertia, out=np.zeros_like(inertia), where=inertia > 0)
+    else:
+        inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
     blocks = _crossing(d).swapaxes(1, 2) @ inverse[row] @ moments
     blocks[np.abs(blocks) < ZERO_COMPONENT] = 0.0
     shape = (dim * arms.shape[0], dim * arms.shape[1])
@@ -399,15 +431,16 @@ def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.c
     """How displacements of the nodes of sides turn ``nodal_normals``, sparse, shape (d m, d m); ``turned_too``: what
     makes these turns into those of other vectors, shape (m, d, d).
     """
-    parts, first, dim = list[tuple[Array, Indices, Indices]](), 0, sides[0].dimension
+    parts, first = list[tuple[Array, Indices, Indices]](), 0
     for side in sides:
-        values, points, nodes = side.turning, first + side.points, first + side.nodes
+        values, (place, columns, counts) = side.turning, side.turning_places
         if turned_too is not None:
-            values = turned_too[points][:, :, None] @ values
-        rows = dim * points[:, :, None, None, None] + np.arange(dim)[:, None]
-        parts.append((values, rows, dim * nodes[:, None, :, None, None] + np.arange(dim)))
-        first += len(side.x)
-    return summed((dim * first, dim * first), *parts)
+            values = turned_too[side.points][:, :, None] @ values
+        values = np.bincount(place, values.swapaxes(2, 3).ravel(), minlength=columns.size)
+        parts.append((values, first + columns, counts))
+        first += side.x.size
+    values, columns, counts = (np.concatenate(entries) for entries in zip(*parts, strict=True))
+    return sp.csr_array((values, columns, np.append(0, counts.cumsum())), shape=(first, first))
 
 
 def across(along: Array) -> Array:

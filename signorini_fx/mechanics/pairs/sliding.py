@@ -29,7 +29,14 @@ import scipy.sparse as sp
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
-from signorini_fx.mechanics.pairs.pair_side import PairSurface, along_vectors, components, in_blocks, turned_normals
+from signorini_fx.mechanics.pairs.pair_side import (
+    PairSurface,
+    along_vectors,
+    components,
+    in_blocks,
+    means_along,
+    turned_normals,
+)
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
 
 Array = npt.NDArray[np.float64]
@@ -116,9 +123,9 @@ class SlidingCoupling:
     def _turning(self, along: Array) -> sp.csr_array:
         """What displacements of both sides turn n_i along vectors, shape (n, d): sparse, shape (n, d m)."""
         sums = self.frames.both @ np.concatenate((self.slave.directions, self.master.directions))
-        along = along[:, :, None] / np.linalg.norm(sums, axis=1)[:, None, None]
-        turns = along_vectors(along, in_blocks(self.frames.both, along.shape[1]))
-        return turns @ turned_normals(self.slave, self.master) - self.pieces.passing(along)
+        along = along / np.linalg.norm(sums, axis=1)[:, None]
+        turns = means_along(along, self.frames.both) @ turned_normals(self.slave, self.master)
+        return turns - self.pieces.passing(along)
 
 
 def slide(

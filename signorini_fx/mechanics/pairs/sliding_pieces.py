@@ -20,6 +20,7 @@ of displacements.  In 3D facets are of degree 1.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,7 @@ from signorini_fx.mechanics.pairs.pair_side import (
     components,
     in_blocks,
     in_rows,
+    means_along,
     summed,
     turned_normals,
     turning_of,
@@ -54,7 +56,8 @@ class SlidingPieces:
 
     Attributes:
         mean: from integrals of functions on the pieces to means at the n points, sparse, shape (n, p t).
-        weighted: these functions times areas, shape (p, q, t).
+        tested: the overlap with these functions.
+        projection: along which the points see the master.
         blocks: which vectors of ``spread`` a piece depends on: those at the nodes of both facets, and what turns N,
             shape (p, c).
         spread: all vectors from the displacements of the nodes of both sides, sparse, shape (d v, d m).
@@ -67,11 +70,11 @@ class SlidingPieces:
         distance: g, length, shape (p, q).
         curved: m . x_m,aa in 2D, shape (p, q); zero in 3D, where facets are flat but for their twist.
         bend: the normals of the master at the nodes of the facet of each piece, shape (p, l, d).
-        kinks: where the normal of the master turns at once.
     """
 
     mean: sp.csr_array
-    weighted: Array = field(repr=False)
+    tested: Tested = field(repr=False)
+    projection: Projection = field(repr=False)
     blocks: Indices
     spread: sp.csr_array
     share: Array = field(repr=False)
@@ -83,7 +86,6 @@ class SlidingPieces:
     distance: Array
     curved: Array = field(repr=False)
     bend: Array = field(repr=False)
-    kinks: Kinks = field(repr=False)
 
     @classmethod
     def of(cls, tested: Tested, directions: Array, mean: sp.csr_array) -> SlidingPieces:
@@ -106,39 +108,43 @@ class SlidingPieces:
         facing, dual = inverse[..., -1], np.moveaxis(inverse[..., :-1], 3, 0)
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
         curved = np.einsum("pqd,pd->pq", facing, curvatures @ corners)
-        kinks = Kinks.of(tested, projection)
         directed = (facing, facing - way, dual, distance, curved, master.directions[over])
-        return cls(mean, tested.weighted, blocks, spread, share, turns, slope, *directed, kinks)
+        return cls(mean, tested, projection, blocks, spread, share, turns, slope, *directed)
+
+    @cached_property
+    def kinks(self) -> Kinks:
+        """Where the normal of the master turns at once."""
+        return Kinks.of(self.tested, self.projection)
 
     @property
     def gap(self) -> Array:
         """At the points, length, shape (n,)."""
-        return np.asarray(self.mean @ np.einsum("pqt,pq->pt", self.weighted, self.distance).ravel())
+        return np.asarray(self.mean @ np.einsum("pqt,pq->pt", self.tested.weighted, self.distance).ravel())
 
     @property
     def rows(self) -> sp.csr_array:
         """Of the derivative of the gap, sparse, shape (n, d m)."""
-        entries = np.matmul(self.weighted.swapaxes(1, 2), self._rows(self.share, self.facing, self.across))
+        entries = np.matmul(self.tested.weighted.swapaxes(1, 2), self._rows(self.share, self.facing, self.across))
         return self._at_points(self.mean, entries)
 
     def passing(self, along: Array) -> sp.csr_array:
-        """What the places that shift change of the normal of the master along vectors at the points, shape (n, d, k),
-        sparse, shape (n k, d m).
+        """What the places that shift change of the normal of the master along vectors at the points, shape (n, d),
+        sparse, shape (n, d m).
         """
         total, dim = np.zeros(1), self.facing.shape[2]
         for k, slope in enumerate(self.slope):
-            bent = self.weighted[..., None] * (slope @ self.bend)[:, :, None]
+            bent = self.tested.weighted[..., None] * (slope @ self.bend)[:, :, None]
             bent = bent.reshape(*bent.shape[:2], dim * bent.shape[2]).swapaxes(1, 2)
             total = total - np.matmul(bent, self._rows(self.share, self.dual[k], self.dual[k]))
-        return self._at_points(along_vectors(along, in_blocks(self.mean, dim)), total)
+        return self._at_points(means_along(along, self.mean), total)
 
     def stiffness(self, pressing: Array, shears: Array) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), and what shears there, shape
         (n, d), change of the forces on the master as places shift; sparse, shape (d m, d m).
         """
-        (count, _, tests), dim = self.weighted.shape, self.facing.shape[2]
+        (count, _, tests), dim = self.tested.weighted.shape, self.facing.shape[2]
         nodal = (self.mean.T @ np.column_stack((pressing, shears))).reshape(count, tests, 1 + dim)
-        acting = self.weighted @ nodal
+        acting = self.tested.weighted @ nodal
         forces, shearing = acting[..., 0], acting[..., 1:]
         touched = np.flatnonzero(acting.any(axis=(1, 2)))
         size = dim * self.blocks.shape[1]
@@ -219,7 +225,7 @@ class Projection:
         ways = sums / length[:, None]
         mean = summed((facets, len(slave.x)), (shape, np.arange(facets)[:, None], slave.nodes))
         across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
-        turning = sp.csr_array(turning_of(_around(slave), (slave.x,), (directions,)))
+        turning = sp.csr_array(turning_of(slave.around, (slave.x,), (directions,)))
         return cls(ways, np.arange(facets)[:, None], along_vectors(across, in_blocks(mean, 3)) @ turning)
 
     def at(self, facets: Indices, shape: Array) -> tuple[Array, Array]:
@@ -336,18 +342,12 @@ def _on_edges(
     return rows, at, np.column_stack((1 - at_edge, at_edge)), width * length * np.tile(weights, cut)
 
 
-def _around(side: PairSurface) -> sp.csr_array:
-    """The area of the facets around a node that are around another one, too, sparse, shape (N, N)."""
-    areas, shape = side.facet_areas[:, None, None], (len(side.x), len(side.x))
-    return summed(shape, (areas, side.nodes[:, :, None], side.nodes[:, None]))
-
-
 def rotations_at_nodes(side: PairSurface, nodes: Indices) -> Array:
     """How far the facets around some nodes have turned since the side was undeformed, by least squares with areas,
     shape (n, 3, 3).
     """
     assert side.undeformed is not None
-    around = sp.csr_array(_around(side)[nodes])
+    around = sp.csr_array(side.around[nodes])
     row = np.repeat(np.arange(len(nodes)), np.diff(around.indptr))
     undeformed_arms, arms = (x[around.indices] - x[nodes[row]] for x in (side.undeformed.x, side.x))
     products = np.zeros((len(nodes), 3, 3))
