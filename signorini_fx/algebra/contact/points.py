@@ -158,9 +158,10 @@ class PointGroups:
     @classmethod
     def of(cls, points: ContactPoints, reached: npt.NDArray[np.bool_]) -> PointGroups:
         """The groups of points whose relative displacements are those of the pieces ``reached``, shape (n, pieces)."""
-        every = np.unique(parallel.gather_rows(points.comm, reached), axis=0)
-        if len(every) < 2:
+        every = parallel.gather_rows(points.comm, reached)
+        if (every == every[:1]).all():
             return cls(points, np.zeros(points.size, dtype=np.int64), np.ones((1, 1), dtype=bool))
+        every = np.unique(every, axis=0)
         number = (reached[:, None] == every).all(axis=2).argmax(axis=1)
         return cls(points, number, every)
 

@@ -40,19 +40,18 @@ class JointStiffness:
 
     def add_to(self, matrix: PETSc.Mat, dim: int, fixed: npt.NDArray[np.bool_] | None) -> None:
         """To the unknowns that are not fixed; entries for which the matrix has no room are made; collective."""
-        free = np.ones(self.nodes.size * dim)
+        unknowns = (dim * self.nodes[:, None] + np.arange(dim)).astype(PETSc.IntType)
         if fixed is not None:
-            free = from_owners((~fixed).reshape(-1, dim).astype(np.float64), self.nodes, matrix.comm.tompi4py()).ravel()
-        row, column = np.repeat(np.arange(free.size), np.diff(self.matrix.indptr)), self.matrix.indices
-        kept = np.flatnonzero((free[row] > 0) & (free[column] > 0))
-        unknowns = (dim * self.nodes[:, None] + np.arange(dim)).ravel()
-        rows, columns, values = unknowns[row[kept]], unknowns[column[kept]], self.matrix.data[kept]
-        first, last = matrix.getOwnershipRange()
-        here = (rows >= first) & (rows < last)
-        shape = (last - first, matrix.getSize()[1])
-        added = sp.csr_array((values[here], (rows[here] - first, columns[here])), shape=shape)
-        csr = added.indptr.astype(PETSc.IntType), added.indices.astype(PETSc.IntType), added.data
-        more = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
+            free = from_owners((~fixed).reshape(-1, dim).astype(np.float64), self.nodes, matrix.comm.tompi4py())
+            unknowns[free == 0.0] = -1  # of which PETSc takes no entries
+        unknowns, (first, last), (count, total) = unknowns.ravel(), matrix.getOwnershipRange(), matrix.getSizes()[0]
+        here, room = (unknowns >= first) & (unknowns < last), np.zeros(count, dtype=PETSc.IntType)
+        room[unknowns[here] - first] = np.diff(self.matrix.indptr)[here]
+        room = np.minimum(room, count), np.minimum(room, total - count)
+        more = PETSc.Mat().createAIJ(matrix.getSizes(), nnz=room, comm=matrix.comm)
+        entries = self.matrix.indptr.astype(PETSc.IntType), unknowns[self.matrix.indices], self.matrix.data
+        more.setValuesIJV(*entries, rowmap=np.where(here, unknowns, -1).astype(PETSc.IntType))
+        more.assemble()
         matrix.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         more.destroy()
 

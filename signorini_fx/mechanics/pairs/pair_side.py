@@ -417,9 +417,8 @@ def turning_of(arms: sp.csr_array, places: Sequence[Array], distances: Sequence[
     turns, moments = _crossing(r), a[:, None, None] * _crossing(r)
     inertia: Array = np.zeros((count, *turns.shape[1:2] * 2))
     np.add.at(inertia, row, moments @ turns.swapaxes(1, 2))
-    if dim == 2:
-        inverse = np.divide(1.0, inertia, out=np.zeros_like(inertia), where=inertia > 0)
-    else:
+    inverse = np.divide(1.0, inertia, out=np.zeros_like(inertia), where=inertia > 0)
+    if dim == 3:
         inverse = np.asarray(np.linalg.pinv(inertia, rcond=SAME_NUMBER, hermitian=True), dtype=np.float64)
     blocks = _crossing(d).swapaxes(1, 2) @ inverse[row] @ moments
     blocks[np.abs(blocks) < ZERO_COMPONENT] = 0.0

@@ -29,14 +29,7 @@ import scipy.sparse as sp
 from signorini_fx.mechanics.pairs.dual_functions import carried_evenly
 from signorini_fx.mechanics.pairs.mortar_coupling import coupled, projected
 from signorini_fx.mechanics.pairs.overlap import axes_across
-from signorini_fx.mechanics.pairs.pair_side import (
-    PairSurface,
-    along_vectors,
-    components,
-    in_blocks,
-    means_along,
-    turned_normals,
-)
+from signorini_fx.mechanics.pairs.pair_side import PairSurface, along_vectors, in_blocks, means_along, turned_normals
 from signorini_fx.mechanics.pairs.sliding_pieces import SlidingPieces, rotations_at_nodes
 
 Array = npt.NDArray[np.float64]
@@ -114,11 +107,12 @@ class SlidingCoupling:
         shape (n, d - 1).
         """
         shears = np.einsum("n,ndk,nk->nd", self.weight, self.frames.tangents, shear)
-        pressed = self.pieces.stiffness(self.weight * pressure, 0.0 * shears if symmetric else shears)
-        if not shear.any():
-            return pressed
-        turns = self._turning(shears).T.tocsr() @ self.normal_rows
-        return pressed - (turns + turns.T)
+        turning = list[tuple[Array, Indices, Indices]]()
+        if shear.any():
+            turns = self._turning(shears).T.tocsr() @ self.normal_rows
+            row = np.repeat(np.arange(turns.shape[0]), np.diff(turns.indptr))
+            turning = [(-turns.data, row, turns.indices), (-turns.data, turns.indices, row)]
+        return self.pieces.stiffness(self.weight * pressure, 0.0 * shears if symmetric else shears, turning)
 
     def _turning(self, along: Array) -> sp.csr_array:
         """What displacements of both sides turn n_i along vectors, shape (n, d): sparse, shape (n, d m)."""
@@ -153,8 +147,7 @@ def slide(
     tangent_rows = along_vectors(tangents, in_blocks(both, dim) + found.turning)
     pieces = SlidingPieces.of(tested, directions, found.mean)
     # A point alone moves with its node.
-    columns, ends = components(points[~partnered], dim), dim * np.append(0, np.cumsum(~partnered))
-    own = sp.csr_array((normals[~partnered].ravel(), columns, ends), shape=(points.size, dim * both.shape[1]))
+    own = means_along(np.where(partnered[:, None], 0.0, normals), both)
     gap, weights = np.where(partnered, pieces.gap, reach), np.where(partnered, found.weight, slave.area[points])
     frames, rows = Frames(both, tangents, partnered), (own - pieces.rows, tangent_rows)
     at_points = (points, weights, normals, gap, frames, *rows, found.centre)

@@ -19,6 +19,7 @@ of displacements.  In 3D facets are of degree 1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -138,9 +139,12 @@ class SlidingPieces:
             total = total - np.matmul(bent, self._rows(self.share, self.dual[k], self.dual[k]))
         return self._at_points(means_along(along, self.mean), total)
 
-    def stiffness(self, pressing: Array, shears: Array) -> sp.csr_array:
+    def stiffness(
+        self, pressing: Array, shears: Array, more: Sequence[tuple[Array, Indices, Indices]] = ()
+    ) -> sp.csr_array:
         """Minus the second derivative of the gaps with forces at the points, shape (n,), and what shears there, shape
-        (n, d), change of the forces on the master as places shift; sparse, shape (d m, d m).
+        (n, d), change of the forces on the master as places shift, and ``more``, see ``summed``; sparse, shape (d m,
+        d m).
         """
         (count, _, tests), dim = self.tested.weighted.shape, self.facing.shape[2]
         nodal = (self.mean.T @ np.column_stack((pressing, shears))).reshape(count, tests, 1 + dim)
@@ -158,7 +162,7 @@ class SlidingPieces:
         jumping = np.einsum("v,vi,vj->vij", jumps, passing, passing)
         places = components(self.blocks[touched], dim), components(kinks.blocks, dim)
         parts = ((part, at[:, :, None], at[:, None]) for part, at in zip((values, jumping), places, strict=True))
-        joint = summed((self.spread.shape[0],) * 2, *parts)
+        joint = summed((self.spread.shape[0],) * 2, *parts, *more)
         return self.spread.T.tocsr() @ joint @ self.spread
 
     def _second(self, pieces: Indices, forces: Array, shears: Array) -> Array:
