@@ -120,7 +120,7 @@ class Lagrange:
         """Numbers of the nodes at the corners, in order around the facet."""
         return [int(np.abs(self.places - corner).sum(axis=1).argmin()) for corner in self.corners]
 
-    @property
+    @cached_property
     def parts(self) -> Array:
         """Corners of the linear parts of the reference facet, in order around each, shape (parts, corners, d - 1)."""
         if self.degree == 1 or self.places.shape[1] == 1:
@@ -128,7 +128,7 @@ class Lagrange:
         corners = [self.corners / 2 + shift for shift in self.corners / 2]
         return np.array([*corners, (1.0 - self.corners) / 2] if self.simplex else corners)
 
-    @property
+    @cached_property
     def corners(self) -> Array:
         """Of the reference facet, in order around it, shape (corners, d - 1)."""
         if self.places.shape[1] == 1:

@@ -132,10 +132,9 @@ class SlidingPieces:
         """What the places that shift change of the normal of the master along vectors at the points, shape (n, d),
         sparse, shape (n, d m).
         """
-        total, dim = np.zeros(1), self.facing.shape[2]
+        total = np.zeros(1)
         for k, slope in enumerate(self.slope):
-            bent = self.tested.weighted[..., None] * (slope @ self.bend)[:, :, None]
-            bent = bent.reshape(*bent.shape[:2], dim * bent.shape[2]).swapaxes(1, 2)
+            bent = _along(self.tested.weighted, slope @ self.bend).swapaxes(1, 2)
             total = total - np.matmul(bent, self._rows(self.share, self.dual[k], self.dual[k]))
         return self._at_points(means_along(along, self.mean), total)
 
@@ -168,31 +167,28 @@ class SlidingPieces:
     def _second(self, pieces: Indices, forces: Array, shears: Array) -> Array:
         """The products of some pieces, shape (k, d c, d c)."""
         share, facing, across = self.share[pieces], self.facing[pieces], self.across[pieces]
-        last = self.blocks.shape[1] - self.turns.shape[2]
-        first = last - self.slope.shape[3]  # of the vectors of the master
+        dim, size = facing.shape[2], facing.shape[2] * self.blocks.shape[1]
+        last = size - dim * self.turns.shape[2]
+        first, half = last - dim * self.slope.shape[3], np.zeros((pieces.size, size, size))  # of vectors of the master
         shifts = [-self._rows(share, dual[pieces], dual[pieces]) for dual in self.dual]
-        turning, along = np.zeros_like(share), np.zeros_like(share)
-        turning[..., last:] = self.turns[pieces] * forces[..., None]
-        half = np.matmul(self._rows(share, facing, across).swapaxes(1, 2), self._rows(turning, facing, across))
+        turning = _along(self.turns[pieces] * forces[..., None], across)
+        half[:, :, last:] = np.matmul(self._rows(share, facing, across).swapaxes(1, 2), turning)
         for k, shift in enumerate(shifts):
-            along[..., first:last] = self.slope[k, pieces] * forces[..., None]
-            half -= np.matmul(self._rows(along, facing, across).swapaxes(1, 2), shift)
+            along = _along(self.slope[k, pieces] * forces[..., None], facing)
+            half[:, first:last] -= np.matmul(along.swapaxes(1, 2), shift)
         total = half + half.swapaxes(1, 2)
         if self.curved.any():
             scaled = (forces * self.curved[pieces])[..., None] * shifts[0]
             total -= np.matmul(shifts[0].swapaxes(1, 2), scaled)
         if shears.any():
-            rows = slice(first * facing.shape[2], last * facing.shape[2])
             for k, shift in enumerate(shifts):
-                passed_on = (self.slope[k, pieces, :, :, None] * shears[:, :, None]).reshape(*shears.shape[:2], -1)
-                total[:, rows] -= np.matmul(passed_on.swapaxes(1, 2), shift)
+                total[:, first:last] -= np.matmul(_along(self.slope[k, pieces], shears).swapaxes(1, 2), shift)
         return np.asarray(total)
 
     def _rows(self, factor: Array, vectors: Array, across: Array) -> Array:
         """Vectors (p, q, d) times factors (p, q, c) as rows, (p, q, d c); ``across``: those without a part along N."""
         count = factor.shape[2] - self.turns.shape[2]
-        parts = factor[..., :count, None] * vectors[:, :, None], factor[..., count:, None] * across[:, :, None]
-        return np.concatenate(parts, axis=2).reshape(*factor.shape[:2], factor.shape[2] * vectors.shape[2])
+        return np.concatenate((_along(factor[..., :count], vectors), _along(factor[..., count:], across)), axis=2)
 
     def _at_points(self, mean: sp.csr_array, entries: Array) -> sp.csr_array:
         """The matrix of displacements at the points with these means of integrals, shape (p, i, d c)."""
@@ -306,6 +302,11 @@ class Kinks:
         blocks = np.column_stack((slave.nodes[facet], count + ends, turned))
         share = np.column_stack((-shape, of_end, -distance[:, None] * turns))
         return cls(pieces[rows], functions, blocks, share, across)
+
+
+def _along(factor: Array, vectors: Array) -> Array:
+    """Vectors (p, q, d) times factors (p, q, c), (p, q, d c)."""
+    return np.einsum("pqc,pqd->pqcd", factor, vectors).reshape(*factor.shape[:2], factor.shape[2] * vectors.shape[2])
 
 
 def _turned(vectors: Array) -> Array:
