@@ -158,10 +158,9 @@ class PointGroups:
     @classmethod
     def of(cls, points: ContactPoints, reached: npt.NDArray[np.bool_]) -> PointGroups:
         """The groups of points whose relative displacements are those of the pieces ``reached``, shape (n, pieces)."""
-        every = parallel.gather_rows(points.comm, reached)
-        if (every == every[:1]).all():
+        every = np.array(sorted(set(map(tuple, parallel.gather_rows(points.comm, reached).tolist()))))
+        if len(every) < 2:
             return cls(points, np.zeros(points.size, dtype=np.int64), np.ones((1, 1), dtype=bool))
-        every = np.unique(every, axis=0)
         number = (reached[:, None] == every).all(axis=2).argmax(axis=1)
         return cls(points, number, every)
 

@@ -450,8 +450,9 @@ class MovingPair:
         frames = np.concatenate((normal[:, :, None], self._sliding[mine]), axis=2)
         along, moved = in_rows(frames, own, rows.shape[0]) @ rows, coupling.frames.both[mine]
         averages = Averages(moved, sides.nodes, sides.x, sides.fixed, coupling.centre[mine], between=along)
-        # Of translations of the slave alone.
-        pushing = np.asarray(coupling.normal_rows[:, :on_slave] @ np.tile(np.eye(dim), (on_slave // dim, 1)))[mine]
+        translations = np.tile(np.eye(dim), (len(sides.x), 1))  # of the slave alone
+        translations[on_slave:] = 0.0
+        pushing = np.asarray(coupling.normal_rows @ translations)[mine]
         points = sides.points_at(self.points[mine], coupling.weight[mine], normal, averages)
         partnered = coupling.frames.partnered
         counted = partnered | ~partnered.any()
