@@ -47,8 +47,8 @@ class JointStiffness:
         unknowns, (first, last), (count, total) = unknowns.ravel(), matrix.getOwnershipRange(), matrix.getSizes()[0]
         here, room = (unknowns >= first) & (unknowns < last), np.zeros(count, dtype=PETSc.IntType)
         room[unknowns[here] - first] = np.diff(self.matrix.indptr)[here]
-        room = np.minimum(room, count), np.minimum(room, total - count)
-        more = PETSc.Mat().createAIJ(matrix.getSizes(), nnz=room, comm=matrix.comm)
+        nnz = np.minimum(room, count), np.minimum(room, total - count)
+        more = PETSc.Mat().createAIJ(matrix.getSizes(), nnz=nnz, comm=matrix.comm)
         entries = self.matrix.indptr.astype(PETSc.IntType), unknowns[self.matrix.indices], self.matrix.data
         more.setValuesIJV(*entries, rowmap=np.where(here, unknowns, -1).astype(PETSc.IntType))
         more.assemble()

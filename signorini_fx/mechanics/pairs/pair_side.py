@@ -435,11 +435,11 @@ def turned_normals(*sides: PairSurface, turned_too: Array | None = None) -> sp.c
         values, (place, columns, counts) = side.turning, side.turning_places
         if turned_too is not None:
             values = turned_too[side.points][:, :, None] @ values
-        values = np.bincount(place, values.swapaxes(2, 3).ravel(), minlength=columns.size)
-        parts.append((values, first + columns, counts))
+        sums = np.bincount(place, values.swapaxes(2, 3).ravel(), minlength=columns.size)
+        parts.append((sums.astype(np.float64), first + columns, counts))
         first += side.x.size
-    values, columns, counts = (np.concatenate(entries) for entries in zip(*parts, strict=True))
-    return sp.csr_array((values, columns, np.append(0, counts.cumsum())), shape=(first, first))
+    entries, columns, counts = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return sp.csr_array((entries, columns, np.append(0, counts.cumsum())), shape=(first, first))
 
 
 def across(along: Array) -> Array:
