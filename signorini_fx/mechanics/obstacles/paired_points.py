@@ -438,11 +438,8 @@ class MovingPair:
         """The contact points of this rank; those without a partner do not move, and those in a plane of symmetry not
         across it.
         """
-        if self._known is None or self._known[0] is not self.coupling:
-            self._known = self.coupling, self._boundary()
-        return self._known[1]
-
-    def _boundary(self) -> ContactBoundary:
+        if self._known is not None and self._known[0] is self.coupling:
+            return self._known[1]
         sides, coupling, mine, normal = self.sides, self.coupling, self.mine, self.coupling.normal[self.mine]
         dim, on_slave = normal.shape[1], sides.slave.surface.x.size
         own = np.column_stack((mine, len(self.points) + (dim - 1) * mine[:, None] + np.arange(dim - 1)))
@@ -454,9 +451,9 @@ class MovingPair:
         translations[on_slave:] = 0.0
         pushing = np.asarray(coupling.normal_rows @ translations)[mine]
         points = sides.points_at(self.points[mine], coupling.weight[mine], normal, averages)
-        partnered = coupling.frames.partnered
-        counted = partnered | ~partnered.any()
-        return replace(points, free=points.free & counted[mine, None], pushing=pushing)
+        counted = coupling.frames.partnered | ~coupling.frames.partnered.any()
+        self._known = coupling, replace(points, free=points.free & counted[mine, None], pushing=pushing)
+        return self._known[1]
 
     def sliding_along(self, slip: Array) -> Array:
         """Slips along T_i of the points of all ranks, shape (n, d - 1), as vectors without what nothing slides along,

@@ -70,7 +70,6 @@ class SlidingPieces:
         dual: a^a, shape (d - 1, p, q, d).
         distance: g, length, shape (p, q).
         curved: m . x_m,aa in 2D, shape (p, q); zero in 3D, where facets are flat but for their twist.
-        bend: the normals of the master at the nodes of the facet of each piece, shape (p, l, d).
     """
 
     mean: sp.csr_array
@@ -86,7 +85,6 @@ class SlidingPieces:
     dual: Array = field(repr=False)
     distance: Array
     curved: Array = field(repr=False)
-    bend: Array = field(repr=False)
 
     @classmethod
     def of(cls, tested: Tested, directions: Array, mean: sp.csr_array) -> SlidingPieces:
@@ -109,7 +107,7 @@ class SlidingPieces:
         facing, dual = inverse[..., -1], np.moveaxis(inverse[..., :-1], 3, 0)
         curvatures = master.functions.curvatures if dim == 2 else np.zeros(corners.shape[1])
         curved = np.einsum("pqd,pd->pq", facing, curvatures @ corners)
-        directed = (facing, facing - way, dual, distance, curved, master.directions[over])
+        directed = facing, facing - way, dual, distance, curved
         return cls(mean, tested, projection, blocks, spread, share, turns, slope, *directed)
 
     @cached_property
@@ -132,9 +130,10 @@ class SlidingPieces:
         """What the places that shift change of the normal of the master along vectors at the points, shape (n, d),
         sparse, shape (n, d m).
         """
-        total = np.zeros(1)
+        total, master = np.zeros(1), self.tested.master
+        normals = master.directions[master.nodes[self.tested.overlap.master]]
         for k, slope in enumerate(self.slope):
-            bent = _along(self.tested.weighted, slope @ self.bend).swapaxes(1, 2)
+            bent = _along(self.tested.weighted, slope @ normals).swapaxes(1, 2)
             total = total - np.matmul(bent, self._rows(self.share, self.dual[k], self.dual[k]))
         return self._at_points(means_along(along, self.mean), total)
 
@@ -223,7 +222,7 @@ class Projection:
         sums = np.einsum("k,fkd->fd", shape, directions[slave.nodes])
         length = np.linalg.norm(sums, axis=1)
         ways = sums / length[:, None]
-        mean = summed((facets, len(slave.x)), (shape, np.arange(facets)[:, None], slave.nodes))
+        mean = in_rows(np.tile(shape, (facets, 1, 1)), slave.nodes, len(slave.x))
         across = (np.eye(3) - ways[:, :, None] * ways[:, None]) / length[:, None, None]
         turning = sp.csr_array(turning_of(slave.around, (slave.x,), (directions,)))
         return cls(ways, np.arange(facets)[:, None], along_vectors(across, in_blocks(mean, 3)) @ turning)
