@@ -447,7 +447,7 @@ class Judge:
             forces[axis, 0], fixed[axis, 0] = 0.0, False  # no force along x is possible there
         modulus = scene.law.get("young", scene.law.get("bulk", 0.0))
         least = 1e-9 * modulus * size ** (1 if scene.kind == "plane strain" else 2)  # where nothing loads the body
-        scale = max(float(np.abs(forces).max()), least)
+        scale = max(float(np.abs(inner).max()), least)
         near = _NEAR[scene.algorithm] * size
         if (gap[top] < -near).any():
             faults.append(f"penetration {-gap[top].min() / size:.1e}")
