@@ -233,10 +233,9 @@ def test_arguments_are_refused_by_name():
     with pytest.raises(FormError, match=r"of: .* is no result"):
         problem.gradient("torque 0", [])
     other = 1.5 * ufl.derivative(pressed.F, pressed.u, ufl.TrialFunction(pressed.u.function_space))
-    body, u = pressed.data["body"], pressed.u.x.array
 
     def follows():
-        body.value = 2.0 + 10.0 * np.abs(u).max()
+        pressed.data["body"].value = 2.0 + 10.0 * np.abs(pressed.u.x.array).max()
 
     for changed_by, why in (({"J": other}, "J: is not the derivative of F"), ({"update": follows}, "J: is needed")):
         wrong = pressed.solved(**changed_by, stability=False)
