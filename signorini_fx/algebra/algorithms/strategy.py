@@ -324,8 +324,8 @@ def _either_way(
 
     ways = {FIXED_POINT: fixed, MONOLITHIC: monolithic}
     names = [MONOLITHIC, FIXED_POINT] if monolithic_first else [FIXED_POINT, MONOLITHIC]
-    capped = law.cap is not None and not law.laws  # which is left to the fixed point, as a jump has no derivative
-    if capped or law.ends_open is not None:
+    capped = law.cap is not None and not law.laws
+    if capped or law.ends_open is not None:  # a cap is left to the fixed point, and a jump has no derivative
         names = [FIXED_POINT]
     elif not s.fallbacks:
         names = names if monolithic_first else names[:1]  # the fixed point is the documented fall-back of the other

@@ -162,7 +162,7 @@ class Task:
     def newton(self) -> SemismoothNewton:
         """The inner method on the regularised problem, whose iterate the algorithms share."""
         problem = RegularisedProblem(self.system, self.motions)
-        problem.set_data(self.start.data)
+        problem.data = self.start.data
         return SemismoothNewton(problem, self.system.start.copy(), self.settings, self.history)
 
     @cached_property
